@@ -48,6 +48,21 @@ fn block(spacing: f64) -> String {
     text
 }
 
+/// A table of three columns as an array of `NumPy` of shape (3, n).
+fn transposed(table: &str) -> Vec<u8> {
+    let numbers = table.lines().skip(1).flat_map(|row| row.split(','));
+    let numbers: Vec<f32> = numbers.map(|number| number.parse().unwrap()).collect();
+    let count = numbers.len() / 3;
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': (3, {count}), }}\n");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.bytes());
+    for axis in 0..3 {
+        bytes.extend(numbers.iter().skip(axis).step_by(3).flat_map(|number| number.to_le_bytes()));
+    }
+    bytes
+}
+
 /// Makes the files that the page's commands name.
 fn make_files(folder: &Path) {
     let write = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
@@ -58,6 +73,7 @@ fn make_files(folder: &Path) {
     write("millimetres.csv", &block(10.0));
     write("z_up.csv", &block(0.01));
     write("parked.csv", &(block(0.01).replace("x,y,z", "x,z,y") + &"1000,1000,1000\n".repeat(20)));
+    fs::write(folder.join("transposed.npy"), transposed(&block(0.01))).unwrap();
     write("one.csv", "x,y,z\n0.1,0.2,0.3\n");
     write("nothing.csv", "");
     write("nan.csv", "x,y,z\n0,0,0\n0.1,nan,0\n0.2,0,0\n");

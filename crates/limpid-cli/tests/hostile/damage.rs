@@ -435,6 +435,7 @@ fn write_seeds() {
             "sc" => &["scf"],
             "h5" => &["hdf5"],
             "lammpstrj" => &["lammps"],
+            "positions" => &["foam"],
             "png" => &["picture", "environment"],
             "hdr" | "exr" => &["environment"],
             "path" => &["camera_path"],

@@ -86,6 +86,11 @@ pub(crate) fn particles() -> Vec<Contents> {
             "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\n\
              ITEM: ATOMS id xs ys zs\n1 0.1 0.2 0.3\n2 0.4 0.5 0.6\n",
         ),
+        (
+            "parcels.positions",
+            "FoamFile { version 2.0; format ascii; class Cloud<kinematicCloud>; object positions; }\n\
+             2\n(\n(0 0 0) 1\n(1 1 1) 2\n)\n",
+        ),
     ] {
         files.push((name.into(), text.into()));
     }
@@ -105,6 +110,8 @@ fn of_other_programs() -> Vec<Contents> {
         "Part_0005.bi4",
         "krakatoa.prt",
         "mantaflow.uni",
+        "h5py_soft_links.h5",
+        "h5py_layout_5.h5",
     ];
     let read = |name| std::fs::read(folder.join(name)).expect("a file of the repository");
     names.map(|name| (name.to_owned(), read(name))).into()

@@ -26,7 +26,7 @@ use hdf5_pure::{
 use self::adapt::Link;
 use super::axes::{Axes, Grid, Places};
 use super::labelled::{POSITION, canonical, vector_among};
-use super::npz::{POSITIONS, TIMES, positions_among};
+use super::npz::{POSITIONS, is_time, positions_among};
 use super::vtk::is_point;
 use super::{
     Attribute, AttributeMap, Column, Contents, FileBytes, Particles, Reading, Remark, Scalar,
@@ -250,11 +250,7 @@ impl<'a> Archive<'a> {
         }
         let (place, members) = self.plain(&root, &groups)?;
         let count = self.positions_of(&members).map_or(1, |(_, places)| places.steps);
-        let is_time = |member: &&Member| {
-            member.shape == [count]
-                && TIMES.iter().any(|time| member.name.eq_ignore_ascii_case(time))
-        };
-        let times = match members.iter().find(is_time) {
+        let times = match members.iter().find(|m| is_time(&m.name, &m.shape, count)) {
             Some(member) if member.grid.is_some() => self.numbers(&place, member)?,
             _ => Vec::new(),
         };
@@ -592,7 +588,9 @@ impl<'a> Archive<'a> {
                         problem: format!("{attribute} in numbers of an unusual type"),
                     });
                 }
-                contents.list(&member.name, &member.shape, None);
+                if !is_time(&member.name, &member.shape, places.steps) {
+                    contents.list(&member.name, &member.shape, None);
+                }
                 continue;
             };
             let path = self.display_path(place, &member.name);

@@ -4,7 +4,6 @@
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use zip::write::SimpleFileOptions;
@@ -24,8 +23,12 @@ use limpid::memory;
 pub(super) const POSITIONS: [&str; 7] =
     ["positions", "position", "pos", "x", "points", "coordinates", "arr_0"];
 
-/// Names of the times of the steps of a rollout.
-pub(super) const TIMES: [&str; 4] = ["time", "times", "t", "timestamps"];
+/// Whether an array has the times of several steps: by its name and shape.
+pub(super) fn is_time(name: &str, shape: &[usize], steps: usize) -> bool {
+    const NAMES: [&str; 4] = ["time", "times", "t", "timestamps"];
+    let named = NAMES.iter().any(|known| name.eq_ignore_ascii_case(known));
+    named && steps > 1 && shape == [steps]
+}
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(b"PK\x03\x04") && !bytes.starts_with(b"PK\x05\x06") {
@@ -100,7 +103,16 @@ fn find_positions(
     positions_among(&named.collect::<Vec<_>>(), map).ok_or_else(|| {
         let names: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
         let pickled = |member: &Member| member.header.kind.ends_with('O');
-        if headers.iter().flatten().any(pickled) && names.contains(&"particles") {
+        let pickled = headers.iter().flatten().any(pickled);
+        if pickled && !names.contains(&"particles") {
+            let problem = format!(
+                "no array of positions, but some pickled by Python, which may run any program ({}): save plain ones \
+                 with `numpy.savez('a.npz', positions=..., velocity=...)`",
+                names.join(", ")
+            );
+            return Error::format(path, problem);
+        }
+        if pickled {
             let problem = "arrays pickled by Python, as PySPH writes them, which may run any program; `python -c \
                            \"import numpy as N; p = N.load('a.npz', allow_pickle=True)['particles'].item(); f = \
                            p.get('fluid', p[sorted(p)[0]])['arrays']; N.savez('b.npz', positions=N.c_[f['x'], \
@@ -205,7 +217,7 @@ impl<'a, R: Read + Seek> Members<'a, R> {
         let count = self.arrays.len();
         let header = |at| {
             let path = self.display_path(at);
-            let start = self.unpack(at, 0..MAX_HEADER)?;
+            let start = self.unpack(at, 0, MAX_HEADER)?;
             let mut file = Cursor::new(&path, &start, false);
             let header = Header::read(&mut file).ok();
             Ok(header.map(|header| Member { header, offset: file.offset }))
@@ -246,7 +258,9 @@ impl<'a, R: Read + Seek> Members<'a, R> {
                 _ => None,
             };
             let Some(axes) = axes else {
-                contents.list(&name, shape, None);
+                if !is_time(&name, shape, places.steps) {
+                    contents.list(&name, shape, None);
+                }
                 continue;
             };
             let part = grid.part(axes, step).unwrap_or(usize::MAX..usize::MAX);
@@ -254,7 +268,7 @@ impl<'a, R: Read + Seek> Members<'a, R> {
             // To the end of the member, where its checksum is compared.
             let whole = Some(part.len()) == grid.bytes();
             let to = if whole { usize::MAX } else { offset.saturating_add(part.end) };
-            let bytes = self.unpack(at, from..to)?;
+            let bytes = self.unpack(at, from, to)?;
             let source = FileBytes { path: &path, bytes: &[], text: false };
             if grid.bytes().is_none() || bytes.len() < part.len() {
                 let (rows, size) = (grid.rows(), grid.row_bytes());
@@ -284,10 +298,9 @@ impl<'a, R: Read + Seek> Members<'a, R> {
     /// The times of the steps, if there are as many in an array of such a name.
     fn times(&mut self, headers: &[Option<Member>], steps: usize) -> Vec<f64> {
         let is_time = |at: &usize| {
-            let plain = headers[*at]
-                .as_ref()
-                .is_some_and(|member| member.header.plain && member.header.grid.sizes == [steps]);
-            plain && TIMES.iter().any(|time| self.arrays[*at].1.eq_ignore_ascii_case(time))
+            let header = headers[*at].as_ref().map(|member| &member.header);
+            let header = header.filter(|header| header.plain);
+            header.is_some_and(|header| is_time(&self.arrays[*at].1, &header.grid.sizes, steps))
         };
         let found = (0..self.arrays.len()).find(is_time);
         let Some((at, member)) = found.and_then(|at| Some((at, headers[at].as_ref()?))) else {
@@ -295,7 +308,7 @@ impl<'a, R: Read + Seek> Members<'a, R> {
         };
         let (grid, offset) = (&member.header.grid, member.offset);
         let end = offset.saturating_add(grid.bytes().unwrap_or(usize::MAX));
-        let bytes = self.unpack(at, offset..end).unwrap_or_default();
+        let bytes = self.unpack(at, offset, end).unwrap_or_default();
         let numbers = bytes.chunks_exact(grid.scalar.size());
         numbers.map(|bytes| grid.scalar.number(bytes, grid.big_endian)).collect()
     }
@@ -320,17 +333,17 @@ impl<'a, R: Read + Seek> Members<'a, R> {
         Err(self.too_large(at, 0))
     }
 
-    /// Unpacks a range of an array's bytes, or what there is of it. What begins at byte 0 is the header, and not
+    /// Unpacks the bytes of an array from one offset to another, or what there is of them. What begins at byte 0 is the header, and not
     /// counted, since it is not kept.
-    fn unpack(&mut self, at: usize, range: Range<usize>) -> Result<Vec<u8>> {
+    fn unpack(&mut self, at: usize, from: usize, to: usize) -> Result<Vec<u8>> {
         let path = self.display_path(at);
         let fail = |unpacked: usize, problem: String| {
-            let byte = (range.start as u64).saturating_add(unpacked as u64);
+            let byte = (from as u64).saturating_add(unpacked as u64);
             Error::malformed(&path, Location::Byte(byte), problem)
         };
         let index = self.arrays[at].0;
         let left = self.limit.saturating_sub(self.used);
-        let limit = (range.len() as u64).min(left.saturating_add(1));
+        let limit = (to.saturating_sub(from) as u64).min(left.saturating_add(1));
         let mut unpacked;
         let result = {
             let mut member = self.archive.by_index(index);
@@ -341,18 +354,18 @@ impl<'a, R: Read + Seek> Members<'a, R> {
             // A part of what is stored is read alone; otherwise what is before it is unpacked, and all is checked.
             let stored =
                 member.as_ref().is_ok_and(|m| m.compression() == CompressionMethod::Stored);
-            if stored && range.start > 0 && range.end != usize::MAX {
+            if stored && from > 0 && to != usize::MAX {
                 drop(member);
                 let member = self.archive.by_index_seek(index);
                 member.map_err(io::Error::other).and_then(|mut member| {
-                    member.seek(SeekFrom::Start(range.start as u64))?;
+                    member.seek(SeekFrom::Start(from as u64))?;
                     member.take(limit).read_to_end(&mut unpacked)
                 })
             } else {
                 let member = member.as_mut();
                 let member =
                     member.map_err(|error| fail(0, format!("cannot be unpacked: {error}")))?;
-                let mut before = member.by_ref().take(range.start as u64);
+                let mut before = member.by_ref().take(from as u64);
                 let skipped = io::copy(&mut before, &mut io::sink());
                 skipped.and_then(|_| member.take(limit).read_to_end(&mut unpacked))
             }
@@ -369,7 +382,7 @@ impl<'a, R: Read + Seek> Members<'a, R> {
         if unpacked.len() as u64 > left {
             return Err(self.too_large(at, unpacked.len() as u64 - 1));
         }
-        if range.start > 0 {
+        if from > 0 {
             self.used += unpacked.len() as u64;
         }
         Ok(unpacked)
@@ -421,7 +434,7 @@ mod tests {
         let bytes = zip.finish().unwrap().into_inner();
         let unpack = |limit| {
             let (path, file) = (Path::new("bomb.npz"), io::Cursor::new(&bytes[..]));
-            Members::open(path, file, bytes.len() as u64, limit).unwrap().unpack(0, 0..usize::MAX)
+            Members::open(path, file, bytes.len() as u64, limit).unwrap().unpack(0, 0, usize::MAX)
         };
         assert_eq!(unpack(1000).unwrap().len(), 1000);
         let error = unpack(999).unwrap_err().to_string();

@@ -116,6 +116,33 @@ fn layouts() {
     check_message("a.vtkhdf", &steps, &["3 time steps", "a file of its own"]);
 }
 
+/// Data of the cells of VTKHDF are those of points where each point has a vertex cell of its own, in the same order;
+/// others are listed.
+#[test]
+fn data_of_vertex_cells() {
+    let file = |points: &[i64]| {
+        let mut builder = FileBuilder::new();
+        let mut vtk = builder.create_group("VTKHDF");
+        vtk.set_attr("Type", AttrValue::AsciiString("PolyData".into()));
+        let places = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0];
+        vtk.create_dataset("Points").with_f32_data(&places).with_shape(&[2, 3]);
+        let mut vertices = vtk.create_group("Vertices");
+        vertices.create_dataset("Connectivity").with_i64_data(points);
+        vtk.add_group(vertices.finish());
+        let mut data = vtk.create_group("CellData");
+        data.create_dataset("density").with_f32_data(&[7.0, 8.0]);
+        vtk.add_group(data.finish());
+        builder.add_group(vtk.finish());
+        parse(&builder.finish().expect("a file"), "")
+    };
+    assert_eq!(file(&[0, 1]).particles.densities, Some(vec![7.0, 8.0]));
+    let other = file(&[1, 1]);
+    assert_eq!(
+        (other.particles.densities.as_ref(), ignored(&other)),
+        (None, vec!["density (2)".into()])
+    );
+}
+
 /// Soft links are followed, through other links and to groups; those to nothing are left out, and those to other files
 /// are named. Files by h5py.
 #[test]

@@ -195,6 +195,8 @@ fn steps_of_an_archive() {
             let expected = (0..COUNT).map(|i| (10 * step + i) as f32).collect();
             assert_eq!(particles.densities, Some(expected));
             assert_eq!(particles.radii, Some(vec![0.1, 0.2, 0.3, 0.4, 0.5]));
+            // The times are the rate, and so used.
+            assert!(contents.arrays.iter().all(|array| array.used_as.is_some()));
         }
         check_message("rollout.npz", &archive, &["several frames in one file"]);
     }

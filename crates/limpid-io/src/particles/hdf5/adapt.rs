@@ -25,6 +25,7 @@ pub(super) struct Link {
 pub(super) fn adapt(bytes: &mut [u8]) -> Vec<Link> {
     let mut walk = Walk {
         bytes,
+        left: 1 << 16,
         visited: Vec::new(),
         objects: BTreeMap::new(),
         soft: Vec::new(),
@@ -67,6 +68,8 @@ struct SoftEntry {
 
 struct Walk<'a> {
     bytes: &'a [u8],
+    /// Number of messages and entries that are still followed: those of a crafted file may have no end.
+    left: usize,
     /// Addresses of the groups seen.
     visited: Vec<u64>,
     /// Addresses of objects by their paths.
@@ -98,7 +101,7 @@ impl Walk<'_> {
     /// Follows the group whose object header is at an address; other objects have neither links nor members.
     fn group(&mut self, path: &str, address: u64, depth: usize) {
         /// Largest number of groups.
-        const MOST: usize = 1 << 14;
+        const MOST: usize = 1 << 12;
         if depth == 0 || self.visited.len() > MOST || self.visited.contains(&address) {
             return;
         }
@@ -117,13 +120,18 @@ impl Walk<'_> {
     }
 
     fn object(&mut self, group: &str, name: &str, address: u64, depth: usize) {
+        /// Longest path, bytes.
+        const LONGEST: usize = 256;
         let path = joined(group, name);
+        if path.len() > LONGEST {
+            return;
+        }
         self.objects.insert(path.clone(), address);
         self.group(&path, address, depth - 1);
     }
 
     /// The messages of an object header: type, offset and length of each.
-    fn messages(&self, address: u64) -> Vec<(u16, usize, usize)> {
+    fn messages(&mut self, address: u64) -> Vec<(u16, usize, usize)> {
         let mut messages = Vec::new();
         let Ok(at) = usize::try_from(address) else { return messages };
         let Some(start) = self.bytes.get(at..) else { return messages };
@@ -167,6 +175,8 @@ impl Walk<'_> {
                         false => blocks.push((more, length)),
                     }
                 }
+                let Some(left) = self.left.checked_sub(1) else { return messages };
+                self.left = left;
                 messages.push((kind, body, size));
                 offset += prefix + size;
             }
@@ -193,6 +203,9 @@ impl Walk<'_> {
             } else if start.starts_with(b"SNOD") {
                 let count = self.u16(at + 6).unwrap_or(0);
                 for k in 0..usize::from(count) {
+                    if self.left == 0 {
+                        return;
+                    }
                     self.entry(path, names, at, at + 8 + ENTRY * k, depth);
                 }
             }
@@ -201,11 +214,17 @@ impl Walk<'_> {
 
     fn entry(&mut self, group: &str, names: u64, node: usize, at: usize, depth: usize) {
         const SOFT: u32 = 2;
+        /// Longest name or target, bytes.
+        const LONGEST: usize = 1024;
+        let bytes = self.bytes;
         let text = |offset: u64| {
             let from = usize::try_from(names.checked_add(offset)?).ok()?;
-            let text = self.bytes.get(from..)?.split(|&byte| byte == 0).next()?;
-            Some(String::from_utf8_lossy(text).into_owned())
+            let text = bytes.get(from..)?.iter().take(LONGEST);
+            let text: Vec<u8> = text.copied().take_while(|&byte| byte != 0).collect();
+            Some(String::from_utf8_lossy(&text).into_owned())
         };
+        let Some(left) = self.left.checked_sub(1) else { return };
+        self.left = left;
         let Some(name) = self.u64(at).and_then(text) else { return };
         match (self.u64(at + 8), self.u32(at + 16)) {
             (Some(UNDEFINED), Some(SOFT)) => {
@@ -336,6 +355,8 @@ fn remove(bytes: &mut [u8], node: usize, at: usize) {
 /// The messages of an object header of the second version, or of a continuation of one: their offset and length, and
 /// the offset of the checksum of all. `None` if it has no right checksum.
 fn header(bytes: &[u8], at: usize) -> Option<(usize, usize, usize)> {
+    /// Largest size of the messages, bytes.
+    const LONGEST: usize = 1 << 16;
     let start = bytes.get(at..)?;
     if !start.starts_with(b"OHDR\x02") {
         return None;
@@ -345,7 +366,8 @@ fn header(bytes: &[u8], at: usize) -> Option<(usize, usize, usize)> {
     let phases = if flags & 0x10 == 0 { 0 } else { 4 };
     let width = 1_usize << (flags & 3);
     let sized = 6 + times + phases;
-    let length = number(start.get(sized..sized + width)?);
+    let length =
+        Some(number(start.get(sized..sized + width)?)).filter(|&length| length <= LONGEST)?;
     let from = at + sized + width;
     let sum = from.checked_add(length)?;
     let stored = bytes.get(sum..)?.first_chunk().map(|sum| u32::from_le_bytes(*sum))?;
@@ -355,13 +377,18 @@ fn header(bytes: &[u8], at: usize) -> Option<(usize, usize, usize)> {
 /// Gives layout messages of version 5 the version 4, in object headers of the second version.
 fn lower_layouts(bytes: &mut [u8]) {
     const LAYOUT: u8 = 8;
-    let mut at = 0;
+    // A crafted file may have a header at any byte, each of which is summed.
+    let (mut at, mut left) = (0, bytes.len().saturating_mul(4).saturating_add(1 << 20));
     while let Some(found) =
         bytes.get(at..).and_then(|rest| rest.windows(4).position(|w| w == b"OHDR"))
     {
         let start = at + found;
         at = start + 4;
-        let Some((from, length, sum)) = header(bytes, start) else { continue };
+        let Some((from, length, sum)) = header(bytes, start) else {
+            let Some(less) = left.checked_sub(1 << 14) else { return };
+            left = less;
+            continue;
+        };
         let prefix = if bytes[start + 5] & 4 == 0 { 4 } else { 6 };
         let (mut offset, mut changed) = (from, false);
         while offset + prefix <= from + length {
