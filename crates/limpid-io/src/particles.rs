@@ -54,7 +54,7 @@ use crate::output::FileKind;
 use crate::{files, output};
 
 use self::by_content::Found;
-pub(crate) use self::by_content::is_particles;
+pub(crate) use self::by_content::{is_particles, particles_in};
 
 pub use arrays::{Array, AttributeMap, Contents};
 pub use remark::Remark;

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::particles::{
-    Contents, ReadOptions, Section, extensions, is_particles, readable_stem, trajectory,
+    Contents, ReadOptions, Section, extensions, is_particles, particles_in, readable_stem,
+    trajectory,
 };
 use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
@@ -283,7 +284,7 @@ impl Sequence {
             |name: &String| readable_stem(name).is_some() && is_piece_list(name) == lists;
         let mut known: Vec<String> = names.iter().filter(|name| is_frame(name)).cloned().collect();
         if known.is_empty() {
-            known.extend(names.into_iter().filter(|name| is_particles(&folder.join(name), false)));
+            known = particles_in(folder, names);
         }
         let names = known;
         if names.is_empty() {
@@ -347,7 +348,7 @@ impl Sequence {
         let names: Vec<String> = file_names(folder)?.into_iter().filter(matches).collect();
         let known: Vec<String> =
             names.iter().filter(|name| readable_stem(name).is_some()).cloned().collect();
-        let by_content = || names.into_iter().filter(|name| is_particles(&folder.join(name), true));
+        let by_content = || names.into_iter().filter(|name| is_particles(&folder.join(name)));
         let names = if known.is_empty() { by_content().collect() } else { known };
         if names.is_empty() {
             let problem = format!("no particle file of this name in {}", folder.display());

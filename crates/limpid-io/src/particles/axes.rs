@@ -243,9 +243,18 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// The positions of columns, one for each coordinate.
-    pub(super) fn of_columns(rows: usize) -> Self {
-        Self { axes: Axes::ROWS, steps: 1, rows, width: 3 }
+    /// The positions of columns, one for each coordinate, of shape (n) or (T, n).
+    pub(super) fn of_columns(shape: &[usize]) -> Self {
+        match *shape {
+            [steps, rows] if rows > 1 => {
+                let axes = Axes { steps: Some(0), particles: 1, numbers: None };
+                Self { axes, steps, rows, width: 3 }
+            }
+            _ => {
+                let rows = shape.first().copied().unwrap_or(0);
+                Self { axes: Axes::ROWS, steps: 1, rows, width: 3 }
+            }
+        }
     }
 
     /// Those of an array whose shape is that of positions.

@@ -58,15 +58,34 @@ fn of(path: &Path, start: impl FnOnce() -> Result<Vec<u8>>) -> Result<Found> {
     Ok(Found { format, gzip })
 }
 
-/// Whether a file whose name has no format is one of particles by its contents. Among others in a folder, tables are
-/// taken by their usual extensions alone, since logs are tables too; a file that is `named` may be any.
-pub(crate) fn is_particles(path: &Path, named: bool) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let name = if is_gzip(&name) { &name[..name.len() - ".gz".len()] } else { &*name };
-    let table = Path::new(name).extension().is_some_and(|extension| {
-        ["txt", "dat", "asc"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+/// Whether a file whose name has no format is one of particles by its contents.
+pub(crate) fn is_particles(path: &Path) -> bool {
+    of_file(path).is_ok()
+}
+
+/// The files of particles among those in a folder whose names have no format. Tables are taken by their usual
+/// extensions alone, and only where nothing else is, since logs are tables too.
+pub(crate) fn particles_in(folder: &Path, mut names: Vec<String>) -> Vec<String> {
+    let is_table = |name: &String| {
+        let found = of_file(&folder.join(name)).ok()?;
+        Some(found.format.extension == ".csv")
+    };
+    let kinds: Vec<Option<bool>> = names.iter().map(is_table).collect();
+    let tables = !kinds.contains(&Some(false));
+    let mut kinds = kinds.into_iter();
+    names.retain(|name| match kinds.next().flatten() {
+        Some(true) => tables && is_table_name(name),
+        kind => kind.is_some(),
     });
-    of_file(path).is_ok_and(|found| named || table || found.format.extension != ".csv")
+    names
+}
+
+/// Whether a name has the extension of a table, perhaps compressed.
+fn is_table_name(name: &str) -> bool {
+    let name = if is_gzip(name) { &name[..name.len() - ".gz".len()] } else { name };
+    Path::new(name).extension().is_some_and(|extension| {
+        ["txt", "dat", "asc"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+    })
 }
 
 /// Whether a name ends with `.gz`.
@@ -114,6 +133,7 @@ fn extension_of(start: &[u8]) -> Option<&'static str> {
 /// Whether a file begins as text of lines with three numbers or more, after comments and a line that names x, y and z.
 fn is_table(start: &[u8]) -> bool {
     let text = |byte: &u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace() || *byte >= 0x80;
+    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
     // The last line may be cut off.
     let complete = start.iter().rposition(|&byte| byte == b'\n').map_or(start.len(), |at| at + 1);
     let lines = start[..complete].split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);

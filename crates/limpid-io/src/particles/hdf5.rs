@@ -119,9 +119,15 @@ impl Member {
         self.grid.is_some() && matches!(self.shape.as_slice(), [_] | [_, 1])
     }
 
-    /// The number of its columns.
+    /// Size of its first axis.
     fn rows(&self) -> usize {
         self.shape.first().copied().unwrap_or(0)
+    }
+
+    /// Whether it has one number per particle, at each step if the positions are columns with steps.
+    fn is_column_beside(&self, places: &Places) -> bool {
+        let stepped = places.axes.numbers.is_none() && self.shape == [places.steps, places.rows];
+        self.is_column() || self.grid.is_some() && stepped
     }
 }
 
@@ -439,25 +445,37 @@ impl<'a> Archive<'a> {
         Ok(contents)
     }
 
-    /// Finds arrays without a known layout: of the root, or of the only group that has positions. Returns the place
-    /// and the arrays.
+    /// Finds arrays without a known layout: of the root, or of the only group that has positions, or the only one whose
+    /// name is none of a solid. Returns the place and the arrays.
     fn plain(&self, root: &Group, groups: &[String]) -> Result<(String, Vec<Member>)> {
         /// Largest number of groups to look into.
         const MOST: usize = 64;
+        /// Groups within groups.
+        const DEPTH: usize = 3;
         let members = self.members("/", root)?;
         if self.positions_of(&members).is_some() {
             return Ok(("/".into(), members));
         }
         let mut found = Vec::new();
-        for name in groups.iter().take(MOST) {
-            let group = root.group(name).map_err(|error| self.damaged(name, &error))?;
-            let members = self.members(name, &group)?;
+        let (mut places, mut next) = (groups.to_vec(), 0);
+        while let Some(place) = places.get(next).filter(|_| next < MOST).cloned() {
+            next += 1;
+            let group = root.group(&place).map_err(|error| self.damaged(&place, &error))?;
+            let members = self.members(&place, &group)?;
             if self.positions_of(&members).is_some() {
-                found.push((name.clone(), members));
+                found.push((place, members));
+            } else if place.matches('/').count() < DEPTH {
+                let inner = self.groups(&place, &group)?;
+                places.extend(inner.into_iter().map(|name| format!("{place}/{name}")));
             }
         }
-        if found.len() == 1 {
-            return Ok(found.remove(0));
+        let name = |at: &usize| found[*at].0.rsplit('/').next().unwrap_or_default();
+        let mut liquids: Vec<usize> = (0..found.len()).filter(|at| !is_solid(name(at))).collect();
+        if liquids.iter().any(|at| is_liquid(name(at))) {
+            liquids.retain(|at| is_liquid(name(at)));
+        }
+        if let &[one] = liquids.as_slice() {
+            return Ok(found.swap_remove(one));
         }
         let problem = if found.is_empty() {
             let external = || self.external_positions("/");
@@ -512,9 +530,12 @@ impl<'a> Archive<'a> {
         if let Some((at, places)) = positions_among(&arrays, self.map) {
             return Some((vec![at], places));
         }
-        let columns = columns_among(members, &POSITION)?;
-        let rows = columns.first().map_or(0, |&at| members[at].rows());
-        Some((columns, Places::of_columns(rows)))
+        let stepped = |member: &Member| member.grid.is_some() && member.shape.len() == 2;
+        let columns = columns_among(members, &POSITION, Member::is_column)
+            .or_else(|| columns_among(members, &POSITION, stepped))?;
+        let shape = members[*columns.first()?].shape.as_slice();
+        let alike = columns.iter().all(|&at| members[at].shape == shape);
+        Some((columns, Places::of_columns(shape))).filter(|_| alike || shape.len() == 1)
     }
 
     /// Reads positions and attributes from the arrays of a group; `velocity` names the columns of the
@@ -538,7 +559,7 @@ impl<'a> Archive<'a> {
         let path = self.display_path(place, &first.name);
         let (table, columns) = match positions.as_slice() {
             [_] => self.table(&path, place, first, places.axes, step)?,
-            _ => self.columns(&path, place, members, &positions)?,
+            _ => self.columns(&path, place, members, &positions, &places, step)?,
         };
         // The positions take no more memory than their arrays.
         self.count(&path, table.bytes.len() as u64)?;
@@ -549,17 +570,22 @@ impl<'a> Archive<'a> {
         }
         drop(table);
         let named = |names: &[&str]| -> Option<Vec<usize>> {
-            let find = |name: &&str| members.iter().position(|m| m.name == **name && m.is_column());
+            let find = |name: &&str| {
+                members.iter().position(|m| m.name == **name && m.is_column_beside(&places))
+            };
             names.iter().map(find).collect()
         };
-        let usual = || columns_among(members, &["velocity", "velocities", "vel", "v"]);
+        let usual = || {
+            let known = ["velocity", "velocities", "vel", "v"];
+            columns_among(members, &known, |member| member.is_column_beside(&places))
+        };
         let velocity = named(velocity).filter(|columns| columns.len() == 3).or_else(usual);
         let velocity = velocity.filter(|_| self.map.array_of(Attribute::Velocity).is_none());
         if let Some(fields) = &velocity {
             let names: Vec<_> = fields.iter().map(|&at| members[at].name.as_str()).collect();
             let name = names.join(" ");
             let path = self.display_path(place, &name);
-            let (table, columns) = self.columns(&path, place, members, fields)?;
+            let (table, columns) = self.columns(&path, place, members, fields, &places, step)?;
             let shape = [table.rows, columns.len()];
             self.count(&path, Attribute::Velocity.bytes().saturating_mul(table.rows as u64))?;
             contents.take_as(Some(Attribute::Velocity), &name, &shape, &table, &columns)?;
@@ -625,9 +651,14 @@ impl<'a> Archive<'a> {
         place: &str,
         members: &[Member],
         fields: &[usize],
+        places: &Places,
+        step: usize,
     ) -> Result<(Table<'p>, Vec<Column>)> {
         let width = fields.len();
-        let rows = fields.iter().map(|&at| members[at].rows());
+        let stepped = |member: &Member| places.axes.numbers.is_none() && !member.is_column();
+        let rows = fields
+            .iter()
+            .map(|&at| if stepped(&members[at]) { places.rows } else { members[at].rows() });
         let (least, rows) = (rows.clone().min().unwrap_or(0), rows.max().unwrap_or(0));
         if least != rows {
             let problem =
@@ -638,7 +669,11 @@ impl<'a> Archive<'a> {
         self.count(path, (rows as u64).saturating_mul(stride as u64))?;
         let mut bytes = memory::zeroed(rows.saturating_mul(stride), path.display())?;
         for (k, &at) in fields.iter().enumerate() {
-            let numbers = self.numbers(place, &members[at])?;
+            let member = &members[at];
+            let numbers = match stepped(member) {
+                true => self.numbers_of(place, member, places.axes, step)?,
+                false => self.numbers(place, member)?,
+            };
             for (row, number) in bytes.chunks_exact_mut(stride).zip(numbers) {
                 row[8 * k..][..8].copy_from_slice(&number.to_le_bytes());
             }
@@ -657,8 +692,18 @@ impl<'a> Archive<'a> {
 
     /// The numbers of a column.
     fn numbers(&mut self, place: &str, member: &Member) -> Result<Vec<f64>> {
-        let all = Axes { steps: None, particles: 0, numbers: None };
-        let (bytes, grid) = self.load(place, member, all, 0)?;
+        self.numbers_of(place, member, Axes { steps: None, particles: 0, numbers: None }, 0)
+    }
+
+    /// The numbers of an array at a step.
+    fn numbers_of(
+        &mut self,
+        place: &str,
+        member: &Member,
+        axes: Axes,
+        step: usize,
+    ) -> Result<Vec<f64>> {
+        let (bytes, grid) = self.load(place, member, axes, step)?;
         let (scalar, big_endian) = (grid.scalar, grid.big_endian);
         let numbers = bytes.chunks_exact(scalar.size()).map(|x| scalar.number(x, big_endian));
         Ok(memory::collect(numbers, self.path.display())?)
@@ -735,8 +780,9 @@ fn describe(error: &hdf5_pure::Error) -> String {
                 | FormatError::UnsupportedZfp(_)
                 | FormatError::UnsupportedVirtualLayout
                 | FormatError::InvalidLayoutVersion(_)
+                | FormatError::UnsupportedExternalStorage
         )
-    );
+    ) || text.contains("cannot be enumerated");
     let remedy = if unsupported { "; `h5repack -f NONE IN.h5 OUT.h5` unpacks it" } else { "" };
     format!("{text:.MOST$}{remedy}")
 }
@@ -755,16 +801,23 @@ fn member(name: String, dataset: Dataset) -> Option<Member> {
     Some(Member { name, dataset, shape, grid })
 }
 
+/// Whether the name of a group says that its particles are liquid.
+fn is_liquid(name: &str) -> bool {
+    says(name, &["fluid", "liquid", "water"])
+}
+
+/// Whether the name of a group says that its particles are solid.
+fn is_solid(name: &str) -> bool {
+    says(name, &["solid", "bound", "wall", "tank", "body", "rigid", "obstacle", "gate"])
+}
+
+fn says(name: &str, words: &[&str]) -> bool {
+    let name = name.to_ascii_lowercase();
+    words.iter().any(|word| name.contains(word))
+}
+
 /// Divides bodies into liquids and solids by their names.
 fn sorted(bodies: Vec<Body>) -> (Vec<Body>, Vec<Body>) {
-    let says = |name: &str, words: &[&str]| {
-        let name = name.to_ascii_lowercase();
-        words.iter().any(|word| name.contains(word))
-    };
-    let is_liquid = |name: &str| says(name, &["fluid", "liquid", "water"]);
-    let is_solid = |name: &str| {
-        says(name, &["solid", "bound", "wall", "tank", "body", "rigid", "obstacle", "gate"])
-    };
     let named = bodies.iter().any(|body| is_liquid(&body.name));
     let liquid = |body: &Body| if named { is_liquid(&body.name) } else { !is_solid(&body.name) };
     bodies.into_iter().partition(liquid)
@@ -839,8 +892,12 @@ fn unusual_positions(members: &[Member]) -> Option<String> {
 }
 
 /// Finds the columns of a vector whose names begin with one of `bases`.
-fn columns_among(members: &[Member], bases: &[&str]) -> Option<Vec<usize>> {
-    let columns: Vec<_> = (0..members.len()).filter(|&at| members[at].is_column()).collect();
+fn columns_among(
+    members: &[Member],
+    bases: &[&str],
+    is_column: impl Fn(&Member) -> bool,
+) -> Option<Vec<usize>> {
+    let columns: Vec<_> = (0..members.len()).filter(|&at| is_column(&members[at])).collect();
     let names: Vec<_> = columns.iter().map(|&at| canonical(&members[at].name)).collect();
     let found = vector_among(&names, bases)?;
     Some(found.into_iter().map(|k| columns[k]).collect())

@@ -137,6 +137,16 @@ pub(super) fn positions_among(
 ) -> Option<(usize, Places)> {
     let candidates = arrays.iter().enumerate().filter_map(|(at, &(name, grid))| {
         let grid = grid.filter(|grid| grid.may_be_places())?;
+        // One of the coordinates, with the others beside it.
+        let beside = |other: &str| {
+            let is = |&(known, with): &(&str, Option<&Grid>)| {
+                known.eq_ignore_ascii_case(other) && with.is_some_and(|w| w.sizes == grid.sizes)
+            };
+            arrays.iter().any(is)
+        };
+        if name.eq_ignore_ascii_case("x") && beside("y") {
+            return None;
+        }
         let columns = |places: &Places| places.width <= 3;
         Some((at, name, grid, Places::of(grid).filter(columns)?))
     });

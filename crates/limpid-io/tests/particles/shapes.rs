@@ -227,6 +227,22 @@ fn steps_of_hdf5() {
     file.add_group(run.finish());
     check("rollout", &file.finish().unwrap(), &[0, 1, 2], None);
 
+    // Columns with steps, two groups down, beside those of a wall.
+    let mut file = FileBuilder::new();
+    let mut run = file.create_group("run");
+    for name in ["fluid", "boundary"] {
+        let mut body = run.create_group(name);
+        for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let column = numbers([1, STEPS, COUNT], |[_, step, i]| place(step, i)[k]);
+            body.create_dataset(axis).with_f32_data(&column).with_shape(&shape[..2]);
+        }
+        let density = vec![7.0; STEPS * COUNT];
+        body.create_dataset("rho").with_f32_data(&density).with_shape(&shape[..2]);
+        run.add_group(body.finish());
+    }
+    file.add_group(run.finish());
+    check("columns", &file.finish().unwrap(), &[0, 1, 2], None);
+
     let mut file = FileBuilder::new();
     let mut particles = file.create_group("particles");
     for (name, sign) in [("water", 1.0_f32), ("wall", -1.0)] {

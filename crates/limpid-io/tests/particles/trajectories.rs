@@ -95,7 +95,9 @@ fn names_without_a_format() {
             fs::write(folder.path().join(name), bytes).unwrap();
         }
         fs::write(folder.path().join("log.lammps"), log).unwrap();
-        fs::write(folder.path().join("thermo.out"), "0 1 2\n100 3 4\n").unwrap();
+        for log in ["thermo.out", "residuals.dat"] {
+            fs::write(folder.path().join(log), "0 1 2\n100 3 4\n").unwrap();
+        }
         for input in [folder.path().to_owned(), folder.path().join(pattern)] {
             let sequence = Sequence::open(input.to_str().unwrap()).expect(pattern);
             assert_eq!((numbers(&sequence), first_x(&sequence)), (expected.into(), vec![1.0; 2]));
@@ -125,7 +127,7 @@ fn tables_without_a_format() {
     let read =
         |name: &str, text: &str| limpid_io::particles::parse(Path::new(name), text.as_bytes());
     for (name, text) in [
-        ("a.txt", "0.5 1  2 7\n3\t4 5 8\n"),
+        ("a.txt", "\u{feff}0.5 1  2 7\n3\t4 5 8\n"),
         ("a.dat", "# x y z rho\n0.5 1 2 7\n3 4 5 8\n"),
         ("a.asc", "x,y,z,rho\n0.5,1,2,7\n3,4,5,8\n"),
         ("a.particles", "\"x\" \"y\" \"z\" \"rho\"\n 0.5 1 2 7\n 3 4 5 8\n"),

@@ -23,6 +23,11 @@ pub(super) struct Link {
 
 /// Adapts the bytes of a file, and lists the links that the decoder does not know.
 pub(super) fn adapt(bytes: &mut [u8]) -> Vec<Link> {
+    // The file may begin with a block of its user, of a power of two from 512 bytes on. Addresses count from its end.
+    let mut starts = std::iter::once(0).chain((9..24).map(|k| 1_usize << k));
+    let is_start = |at: &usize| bytes.get(*at..).is_some_and(|rest| rest.starts_with(SIGNATURE));
+    let Some(start) = starts.find(is_start) else { return Vec::new() };
+    let bytes = &mut bytes[start..];
     let mut walk = Walk {
         bytes,
         left: 1 << 16,
@@ -51,6 +56,8 @@ pub(super) fn adapt(bytes: &mut [u8]) -> Vec<Link> {
     }
     links
 }
+
+const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
 
 /// Size of an entry of a symbol table, bytes.
 const ENTRY: usize = 40;
@@ -83,14 +90,11 @@ impl Walk<'_> {
         /// Groups within groups.
         const DEPTH: usize = 16;
         // Files with an offset at their beginning, or with addresses of another size, are left as they are.
-        let root = match (self.bytes.get(..8), self.bytes.get(8)) {
-            (Some(b"\x89HDF\r\n\x1a\n"), Some(0 | 1)) => {
-                let from = if self.bytes[8] == 0 { 24 } else { 28 };
-                (self.bytes.get(13..15) == Some(&[8, 8])).then(|| self.u64(from + 40)).flatten()
-            }
-            (Some(b"\x89HDF\r\n\x1a\n"), Some(2 | 3)) => {
-                (self.bytes.get(9..11) == Some(&[8, 8])).then(|| self.u64(36)).flatten()
-            }
+        let sizes = |at: usize| self.bytes.get(at..at + 2) == Some(&[8, 8]);
+        let root = match self.bytes.get(8) {
+            Some(0) if sizes(13) => self.u64(24 + 40),
+            Some(1) if sizes(13) => self.u64(28 + 40),
+            Some(2 | 3) if sizes(9) => self.u64(36),
             _ => None,
         };
         if let Some(root) = root {
