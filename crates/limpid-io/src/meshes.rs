@@ -205,6 +205,13 @@ impl<'a> Builder<'a> {
         }
     }
 
+    /// Adds the remark that transparent materials are drawn opaque; `what` says how the file makes them so.
+    fn remark_opaque(&mut self, what: &str) {
+        self.remark(&format!(
+            "some of its materials are transparent ({what}) and are drawn opaque"
+        ));
+    }
+
     /// The path of a file that the mesh names: relative to its folder, or, since exporters write paths of
     /// their own machine, in its folder.
     fn beside(&self, name: &str) -> PathBuf {

@@ -422,6 +422,10 @@ impl<'a> Reader<'a, '_, '_> {
         if let Some(used) = self.texture_of(primitive, part)? {
             material.texture = self.texture(used.index, part)?;
         }
+        if described.is_some_and(|described| is_transparent(described, material.texture.as_deref()))
+        {
+            self.mesh.remark_opaque("alphaMode or KHR_materials_transmission");
+        }
         let fail = |problem: String| self.buffers.error(part, &problem);
         let index = self.mesh.material(material, fail)?;
         self.materials.insert(primitive.material, index);
@@ -471,6 +475,19 @@ impl<'a> Reader<'a, '_, '_> {
         }
         self.mesh.texture_or_remark(parsed)
     }
+}
+
+/// Whether anything shows through a material, whose base colour has this texture. Exporters call opaque ones `BLEND` too.
+fn is_transparent(material: &document::Material, texture: Option<&Texture>) -> bool {
+    let transmission = material.extensions.transmission.as_ref();
+    if transmission.is_some_and(|transmission| transmission.transmission_factor > 0.0) {
+        return true;
+    }
+    let surface = material.pbr_metallic_roughness.as_deref();
+    let opacity = surface.map_or(1.0, |surface| surface.base_color_factor[3]);
+    let is_partly = |texture: &Texture| texture.pixels().iter().any(|pixel| pixel[3] < u8::MAX);
+    matches!(material.alpha_mode.as_deref(), Some("BLEND" | "MASK"))
+        && (opacity < 1.0 || texture.is_some_and(is_partly))
 }
 
 impl TextureTransform {

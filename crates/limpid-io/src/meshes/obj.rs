@@ -45,6 +45,7 @@ struct Description {
     color: Option<Vec3>,
     /// Name of the texture's file.
     texture: Option<String>,
+    is_transparent: bool,
 }
 
 struct Reader<'a, 'm, 'b> {
@@ -200,7 +201,10 @@ impl<'a> Reader<'a, '_, '_> {
             self.mesh
                 .remark(&format!("the material `{name}` is not described; its faces are grey"));
         }
-        let Description { color, texture } = described.unwrap_or_default();
+        let Description { color, texture, is_transparent } = described.unwrap_or_default();
+        if is_transparent {
+            self.mesh.remark_opaque("`d`, `Tr` or `map_d`");
+        }
         let texture = match texture {
             Some(name) => {
                 let path = self.mesh.beside(&name);
@@ -275,10 +279,20 @@ impl<'a> Reader<'a, '_, '_> {
                         self.mesh.note(file.error(problem).to_string());
                     }
                 }
+                // Opacity, and its opposite.
+                "d" => material.is_transparent |= opacity(rest) < 1.0,
+                // Some write 1 for opaque materials.
+                "Tr" => material.is_transparent |= (0.001..0.999).contains(&opacity(rest)),
+                "map_d" => material.is_transparent = true,
                 _ => {}
             }
         }
     }
+}
+
+/// The last number of a `d` or `Tr`, which may begin with `-halo`; without one, the material is taken to be opaque.
+fn opacity(text: &str) -> f64 {
+    text.split_ascii_whitespace().next_back().and_then(|word| word.parse().ok()).unwrap_or(1.0)
 }
 
 /// Largest size of MTL files, bytes.

@@ -367,6 +367,44 @@ fn materials_and_their_coordinates() {
     }
 }
 
+/// What is drawn opaque though the document has it transparent is said, once a document; a `BLEND` through which nothing
+/// shows is not.
+#[test]
+fn transparent_materials_are_remarks() {
+    let png = |alpha| {
+        let bytes = super::textures::png([[255, 0, 0, alpha]; 4]);
+        json!([{ "uri": format!("data:image/png;base64,{}", BASE64_STANDARD.encode(bytes)) }])
+    };
+    let factor = |alpha: f64| json!({ "baseColorFactor": [1, 1, 1, alpha] });
+    let textured = json!({ "baseColorTexture": { "index": 0 } });
+    let transmission =
+        |factor: f64| json!({ "KHR_materials_transmission": { "transmissionFactor": factor } });
+    let cases = [
+        (json!({ "alphaMode": "BLEND", "pbrMetallicRoughness": factor(0.2) }), 255, true),
+        (json!({ "alphaMode": "MASK", "pbrMetallicRoughness": textured }), 0, true),
+        (json!({ "alphaMode": "BLEND", "pbrMetallicRoughness": textured }), 128, true),
+        (json!({ "extensions": transmission(1.0) }), 255, true),
+        (json!({ "extensions": transmission(0.0) }), 255, false),
+        (json!({ "alphaMode": "OPAQUE", "pbrMetallicRoughness": factor(0.2) }), 255, false),
+        (json!({ "alphaMode": "BLEND", "pbrMetallicRoughness": textured }), 255, false),
+        (json!({ "pbrMetallicRoughness": textured }), 128, false),
+    ];
+    for (material, alpha, told) in cases {
+        let document = changed(
+            &embedded(),
+            &[
+                ("/materials", json!([material, material])),
+                ("/textures", json!([{ "source": 0 }])),
+                ("/images", png(alpha)),
+                ("/meshes/0/primitives/0/material", 0.into()),
+            ],
+        );
+        let remarks = load_document(&document).unwrap().remarks;
+        assert_eq!(remarks.len(), usize::from(told), "{material}: {remarks:?}");
+        assert!(remarks.iter().all(|remark| remark.contains("drawn opaque")), "{remarks:?}");
+    }
+}
+
 #[test]
 fn missing_pictures_are_remarks() {
     for (image, problem) in [

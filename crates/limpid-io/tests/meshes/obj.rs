@@ -77,6 +77,29 @@ fn materials_are_those_of_the_files_beside() {
     assert_eq!(loaded.remarks.len(), 4, "{remarks}");
 }
 
+/// What is drawn opaque though the file has it transparent is said, once a file.
+#[test]
+fn transparent_materials_are_remarks() {
+    let text = b"mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\n";
+    let cases = [
+        ("d 0.25", 1),
+        ("d -halo 0.25", 1),
+        ("Tr 0.75", 1),
+        ("map_d holes.png", 1),
+        ("d 1", 0),
+        ("Tr 0", 0),
+        ("Tr 1", 0),
+        ("d", 0),
+    ];
+    for (line, count) in cases {
+        let library = format!("newmtl a\nKd 1 1 1\n{line}\nnewmtl b\n{line}\n");
+        let loaded = load_files(&[("a.obj", text), ("b.mtl", library.as_bytes())]).unwrap();
+        assert_eq!(loaded.remarks.len(), count, "{line}: {:?}", loaded.remarks);
+        let all = |remark: &String| remark.contains("a.obj") && remark.contains("drawn opaque");
+        assert!(loaded.remarks.iter().all(all), "{line}: {:?}", loaded.remarks);
+    }
+}
+
 #[test]
 fn colours_that_are_none_are_remarks() {
     let text = b"mtllib b.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";

@@ -138,6 +138,23 @@ pub(super) struct Buffer {
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Material {
     pub(super) pbr_metallic_roughness: Option<Box<Surface>>,
+    /// `OPAQUE` if absent.
+    pub(super) alpha_mode: Option<String>,
+    pub(super) extensions: MaterialExtensions,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct MaterialExtensions {
+    #[serde(rename = "KHR_materials_transmission")]
+    pub(super) transmission: Option<Transmission>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Transmission {
+    /// Share of the light that passes.
+    pub(super) transmission_factor: f64,
 }
 
 #[derive(Deserialize)]
