@@ -152,6 +152,39 @@ pub struct Part {
     pub channels: Vec<Channel>,
 }
 
+impl Part {
+    /// The part of a picture of which each pixel was drawn as `side`² smaller ones: the means of radiance, coverage and
+    /// masks, and the middle one of what has no mean beyond an edge.
+    pub(crate) fn reduced(self, side: u32) -> Self {
+        if side == 1 || self.name.starts_with("caustics") {
+            return self;
+        }
+        let size = self.size / side;
+        let row = self.size.x as usize;
+        let reduce = |Channel { name, values }: Channel| {
+            let is_mean = ["R", "G", "B", "A", "radiance", "coverage", "mask"];
+            let is_mean = is_mean.contains(&name.split('.').next().unwrap_or_default());
+            // Motion is in pixels.
+            let unit = if name.starts_with("motion") { 1.0 / side as f32 } else { 1.0 };
+            let pixel = |(x, y): (u32, u32)| {
+                let at = |i: u32, j: u32| {
+                    values[(y * side + j) as usize * row + (x * side + i) as usize]
+                };
+                match is_mean {
+                    true => {
+                        let all = (0..side).flat_map(|j| (0..side).map(move |i| (i, j)));
+                        all.map(|(i, j)| at(i, j)).sum::<f32>() / (side * side) as f32
+                    }
+                    false => unit * at(side / 2, side / 2),
+                }
+            };
+            let pixels = (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y)));
+            Channel { values: pixels.map(pixel).collect(), name }
+        };
+        Self { size, channels: self.channels.into_iter().map(reduce).collect(), ..self }
+    }
+}
+
 /// Reads the chosen images of the last frame back from the device: first those at picture resolution,
 /// then the caustic maps.
 ///
@@ -252,17 +285,8 @@ pub async fn finish(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Pa
     Ok([picture].into_iter().chain(maps).filter(|part| !part.channels.is_empty()).collect())
 }
 
-/// Reads the linear radiance of the last frame back as channels R, G and B, the names by which other
-/// programs recognise a picture, and if coverage varies as A, by which the colours are multiplied.
-///
-/// # Errors
-/// [`Error::DeviceLost`].
-#[cfg(not(target_arch = "wasm32"))]
-pub fn read_radiance(gpu: &Gpu, images: &Images) -> Result<Part> {
-    read_linear(gpu, &images.radiance.texture, images.transparent)
-}
-
-/// As [`read_radiance`], of a texture; `transparent` says whether its coverage varies.
+/// Reads a linear picture back as channels R, G and B, the names by which other programs recognise a picture, and if its
+/// coverage varies (`transparent`) as A, by which the colours are multiplied.
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn read_linear(gpu: &Gpu, texture: &wgpu::Texture, transparent: bool) -> Result<Part> {
     pollster::block_on(finish_linear(gpu, texture, transparent))

@@ -1,13 +1,17 @@
 //! Offscreen renderer, which draws pictures into memory.
 
-use glam::UVec2;
-use image::{DynamicImage, GrayImage, RgbImage, RgbaImage};
+use std::borrow::Cow;
+
+use glam::{UVec2, Vec3};
+use image::{DynamicImage, GrayImage, RgbImage, Rgba, RgbaImage};
 
 use crate::aov::{self, Aov};
 use crate::camera::View;
 use crate::error::Result;
 use crate::gpu::{self, Gpu, PassTime, SubmittedTimes};
 use crate::liquid::classify::Splats;
+use crate::mesh::linear_from_srgb;
+use crate::passes::tonemap::srgb_byte;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
 
@@ -18,6 +22,8 @@ pub struct Offscreen {
     /// The renderer; the caller may set its `timing` and `diagnose`.
     pub renderer: Renderer,
     picture: Option<(UVec2, Picture)>,
+    /// Of the last frame: [`Offscreen::drawn_for_one`].
+    side: u32,
 }
 
 /// A picture and its pass times.
@@ -52,7 +58,7 @@ impl RenderedFrame {
 impl Offscreen {
     /// Creates the renderer and compiles its passes.
     pub fn new(gpu: &Gpu) -> Self {
-        Self { gpu: gpu.clone(), renderer: Renderer::new(gpu), picture: None }
+        Self { gpu: gpu.clone(), renderer: Renderer::new(gpu), picture: None, side: 1 }
     }
 
     /// The device.
@@ -107,8 +113,25 @@ impl Offscreen {
     ) -> Result<RenderedFrame> {
         let mut frame = self.submit(scene, view, splats, size)?;
         frame.finish_times().await?;
-        let picture = frame.picture.finish(&frame.gpu).await?;
+        let picture = reduced(frame.picture.finish(&frame.gpu).await?, frame.side);
         Ok(RenderedFrame::of(picture, frame.transparent, frame.passes))
+    }
+
+    /// Side of the square of pixels that are drawn for each pixel of a picture. Layers hold one surface a pixel, whose rays
+    /// all meet it or not, so that outlines are steps however many rays there are. Where coverage varies, smaller pixels
+    /// take the place of rays.
+    fn drawn_for_one(&self, scene: &Scene, size: UVec2) -> u32 {
+        const MOST: u32 = 4;
+        /// Largest number of pixels to draw.
+        const MOST_PIXELS: u64 = 1 << 24;
+        let refract = &scene.settings.refract;
+        let fits = |side: u32| {
+            let area = u64::from(size.x) * u64::from(size.y) * u64::from(side * side);
+            area <= MOST_PIXELS && self.gpu.check_size(size * side).is_ok()
+        };
+        let wanted = (1..MOST).find(|side| side * side >= refract.samples).unwrap_or(MOST);
+        let wanted = if refract.transparent { wanted } else { 1 };
+        (2..=wanted).rev().find(|&side| fits(side)).unwrap_or(1)
     }
 
     /// Submits one frame of `size` pixels; its pass times are still to be read.
@@ -119,16 +142,24 @@ impl Offscreen {
         splats: &Splats,
         size: UVec2,
     ) -> Result<PendingFrame> {
+        self.side = self.drawn_for_one(scene, size);
+        let (side, size) = (self.side, size * self.side);
+        let mut scene = Cow::Borrowed(scene);
+        if side > 1 {
+            let samples = &mut scene.to_mut().settings.refract.samples;
+            *samples = (*samples / (side * side)).max(1);
+        }
         let reusable = self.picture.take().filter(|(old, _)| *old == size);
         let (_, picture) = match reusable {
             Some(reusable) => self.picture.insert(reusable),
             None => self.picture.insert((size, Picture::new(&self.gpu, size)?)),
         };
         let target = picture.view();
-        let times = self.renderer.submit(scene, view, splats, &target, Picture::FORMAT, size)?;
+        let times = self.renderer.submit(&scene, view, splats, &target, Picture::FORMAT, size)?;
         let picture = picture.begin_reading(&self.gpu);
         let transparent = scene.settings.refract.transparent;
-        Ok(PendingFrame { gpu: self.gpu.clone(), picture, transparent, times, passes: Vec::new() })
+        let gpu = self.gpu.clone();
+        Ok(PendingFrame { gpu, picture, transparent, side, times, passes: Vec::new() })
     }
 
     /// As [`Offscreen::images`]; waits as [`Offscreen::finish`].
@@ -136,7 +167,8 @@ impl Offscreen {
     /// # Errors
     /// As [`aov::read`].
     pub async fn finish_images(&self, chosen: &[Aov]) -> Result<Vec<aov::Part>> {
-        aov::finish(&self.gpu, &self.renderer.images(), chosen).await
+        let parts = aov::finish(&self.gpu, &self.renderer.images(), chosen).await?;
+        Ok(parts.into_iter().map(|part| part.reduced(self.side)).collect())
     }
 
     /// As [`Offscreen::radiance`]; waits as [`Offscreen::finish`].
@@ -145,7 +177,9 @@ impl Offscreen {
     /// As [`aov::read`].
     pub async fn finish_radiance(&self) -> Result<aov::Part> {
         let images = self.renderer.images();
-        aov::finish_linear(&self.gpu, &images.radiance.texture, images.transparent).await
+        let texture = &images.radiance.texture;
+        let part = aov::finish_linear(&self.gpu, texture, images.transparent).await?;
+        Ok(part.reduced(self.side))
     }
 
     /// Reads intermediate images of the last frame; some require [`Renderer::diagnose`].
@@ -154,7 +188,7 @@ impl Offscreen {
     /// As [`aov::read`].
     #[cfg(not(target_arch = "wasm32"))]
     pub fn images(&self, chosen: &[Aov]) -> Result<Vec<aov::Part>> {
-        aov::read(&self.gpu, &self.renderer.images(), chosen)
+        pollster::block_on(self.finish_images(chosen))
     }
 
     /// Reads the linear radiance of the last frame, before exposure and tone mapping, W/(m² sr), for
@@ -164,7 +198,7 @@ impl Offscreen {
     /// As [`aov::read`].
     #[cfg(not(target_arch = "wasm32"))]
     pub fn radiance(&self) -> Result<aov::Part> {
-        aov::read_radiance(&self.gpu, &self.renderer.images())
+        pollster::block_on(self.finish_radiance())
     }
 
     /// As [`Offscreen::radiance`], later or never: takes the picture, as [`Renderer::take_radiance`].
@@ -172,7 +206,7 @@ impl Offscreen {
     pub fn take_radiance(&mut self, spare: Option<wgpu::Texture>) -> PendingRadiance {
         let transparent = self.renderer.images().transparent;
         let texture = self.renderer.take_radiance(spare);
-        PendingRadiance { gpu: self.gpu.uninterrupted(), texture, transparent }
+        PendingRadiance { gpu: self.gpu.uninterrupted(), texture, transparent, side: self.side }
     }
 }
 
@@ -182,6 +216,8 @@ pub struct PendingFrame {
     gpu: Gpu,
     picture: PendingPicture,
     transparent: bool,
+    /// [`Offscreen::drawn_for_one`].
+    side: u32,
     /// The times of the passes, while they are still to be read.
     times: Option<SubmittedTimes>,
     passes: Vec<PassTime>,
@@ -206,7 +242,7 @@ impl PendingFrame {
     /// [`crate::Error::DeviceLost`].
     #[cfg(not(target_arch = "wasm32"))]
     pub fn wait(self) -> Result<RenderedFrame> {
-        let picture = self.picture.wait(&self.gpu)?;
+        let picture = reduced(self.picture.wait(&self.gpu)?, self.side);
         Ok(RenderedFrame::of(picture, self.transparent, self.passes))
     }
 
@@ -217,7 +253,7 @@ impl PendingFrame {
     /// [`crate::Error::DeviceLost`].
     #[cfg(not(target_arch = "wasm32"))]
     pub fn wait_rgba(self) -> Result<RgbaImage> {
-        let mut picture = self.picture.wait(&self.gpu)?;
+        let mut picture = reduced(self.picture.wait(&self.gpu)?, self.side);
         if !self.transparent {
             picture.pixels_mut().for_each(|pixel| pixel.0[3] = 255);
         }
@@ -229,7 +265,7 @@ impl PendingFrame {
     /// # Errors
     /// [`crate::Error::DeviceLost`].
     pub async fn ready(self) -> Result<RenderedFrame> {
-        let picture = self.picture.ready(&self.gpu).await?;
+        let picture = reduced(self.picture.ready(&self.gpu).await?, self.side);
         Ok(RenderedFrame::of(picture, self.transparent, self.passes))
     }
 }
@@ -241,6 +277,8 @@ pub struct PendingRadiance {
     gpu: Gpu,
     texture: wgpu::Texture,
     transparent: bool,
+    /// [`Offscreen::drawn_for_one`].
+    side: u32,
 }
 
 #[cfg(not(target_arch = "wasm32"))]
@@ -251,7 +289,7 @@ impl PendingRadiance {
     /// [`crate::Error::DeviceLost`].
     #[cfg(not(target_arch = "wasm32"))]
     pub fn read(&self) -> Result<aov::Part> {
-        aov::read_linear(&self.gpu, &self.texture, self.transparent)
+        Ok(aov::read_linear(&self.gpu, &self.texture, self.transparent)?.reduced(self.side))
     }
 
     /// Gives the texture back, for another frame.
@@ -331,6 +369,29 @@ impl PendingPicture {
     pub async fn ready(self, gpu: &Gpu) -> Result<RgbaImage> {
         Ok(image_of(self.size, self.texels.ready(gpu).await?))
     }
+}
+
+/// A picture of which each pixel was drawn as `side`² smaller ones: the means of their coverage and, as far as they are
+/// covered, of their light.
+fn reduced(picture: RgbaImage, side: u32) -> RgbaImage {
+    if side == 1 {
+        return picture;
+    }
+    let light: [f32; 256] = std::array::from_fn(|c| linear_from_srgb(c as f32 / 255.0));
+    RgbaImage::from_fn(picture.width() / side, picture.height() / side, |x, y| {
+        let mut sum = Vec3::ZERO;
+        let mut covered = 0.0;
+        for (i, j) in (0..side).flat_map(|j| (0..side).map(move |i| (i, j))) {
+            let Rgba([r, g, b, a]) = *picture.get_pixel(x * side + i, y * side + j);
+            let a = f32::from(a) / 255.0;
+            sum += a * Vec3::from([r, g, b].map(|c| light[usize::from(c)]));
+            covered += a;
+        }
+        let color = if covered > 0.0 { sum / covered } else { Vec3::ZERO };
+        let [r, g, b] = color.to_array().map(|c| srgb_byte(f64::from(c)));
+        let alpha = 255.0 * covered / (side * side) as f32;
+        Rgba([r, g, b, alpha.round() as u8])
+    })
 }
 
 fn image_of(size: UVec2, bytes: Vec<u8>) -> RgbaImage {
