@@ -513,6 +513,17 @@ impl View {
         Ok(view)
     }
 
+    /// Half the extent and the middle of a picture of `size` pixels: tangents, or m if rays are parallel.
+    pub(crate) fn borders(&self, size: UVec2) -> (DVec2, DVec2) {
+        self.projection.half_and_middle(size.as_dvec2())
+    }
+
+    /// Side of a pixel of a picture of `size` at a depth, m; of parallel rays at any.
+    pub fn pixel_side(&self, size: UVec2, depth: f64) -> f64 {
+        let per_metre = if self.is_orthographic() { 1.0 } else { depth };
+        2.0 * self.borders(size).0.y / f64::from(size.y) * per_metre
+    }
+
     /// Whether rays are parallel.
     pub fn is_orthographic(&self) -> bool {
         matches!(self.projection, Projection::Orthographic { .. })
@@ -560,8 +571,8 @@ impl View {
     /// world-space point `origin`, m. Positions are made relative to the eye before conversion to
     /// 32-bit floats. `far` is the depth of the farthest liquid, m, which only an orthographic view needs.
     pub fn uniform(&self, size: UVec2, origin: DVec3, far: f64) -> CameraUniform {
+        let (half, middle) = self.borders(size);
         let size = size.as_dvec2();
-        let (half, middle) = self.projection.half_and_middle(size);
         // Fronts at the near plane mark rays that start in liquid, and a depth of 0 means no liquid.
         let least = if self.is_orthographic() { 1e-6 * self.focus as f32 } else { 0.0 };
         CameraUniform {

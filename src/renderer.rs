@@ -330,6 +330,20 @@ impl Renderer {
         Ok(())
     }
 
+    /// The view to draw for this one: another if it is from very far away.
+    fn drawn_view(&self, scene: &Scene, view: View, splats: &Splats, size: UVec2) -> Result<View> {
+        if self.host.is_some() {
+            return Ok(view);
+        }
+        let drawn = view_range::from_near_by(view, scene, splats, size)?;
+        if drawn != view && self.surface.is_some() {
+            let problem =
+                "it is too far away for images beside the picture, which are measured from it";
+            return Err(Error::invalid("camera", problem));
+        }
+        Ok(drawn)
+    }
+
     /// Resizes the passes' textures to the frame.
     fn resize(&mut self, frame: &Frame<'_>) {
         self.camera_view.resize(&self.gpu, frame.config);
@@ -350,6 +364,7 @@ impl Renderer {
         size: UVec2,
     ) -> Result<Frame<'a>> {
         self.check(scene, &view, splats, size)?;
+        let view = self.drawn_view(scene, view, splats, size)?;
         let view = view_range::clear_of_liquid(view, splats, size, scene.settings.classify.support);
         if view.is_orthographic() != self.camera_view.camera.is_orthographic() {
             self.camera_view = ViewPasses::new(&self.gpu, view.is_orthographic());

@@ -1,12 +1,13 @@
 //! Where the liquid lies along a view: the range that 32-bit floats can draw, near and far planes, and whether the
 //! eye is inside.
 
-use glam::{UVec2, Vec3, Vec3Swizzles as _};
+use glam::{DVec2, DVec3, UVec2, Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
 
-use crate::camera::{CameraUniform, View};
+use crate::camera::{CameraUniform, Lens, Projection, View};
 use crate::error::{Error, Result};
 use crate::liquid::classify::{self, Splat, Splats};
+use crate::scene::{Scene, Shape, Solid, Surface};
 
 /// Fails if the product of a splat's axes and its distance, squared, leaves the range of 32-bit
 /// floats: the liquid would be invisible.
@@ -23,6 +24,139 @@ pub(crate) fn check_scale(splats: &Splats, view: &View) -> Result<()> {
          1e-18 to 1e18 m²; choose another unit of length"
     );
     Err(Error::invalid("particles", problem))
+}
+
+/// Distances, in radii or in sides of a pixel if these are longer: up to the first, 32-bit depths resolve particles well, and
+/// beyond the second they make noise of them.
+const RESOLVED: std::ops::Range<f64> = 1e5..1e6;
+
+/// A view from farther away than 32-bit depths resolve particles, from near by: with parallel rays, which show what is in
+/// the picture where it is, but for a tenth of a pixel. Any other is returned as it is.
+///
+/// # Errors
+/// [`Error::Invalid`] if rays are not parallel enough for what is in the picture, with the distance that is.
+pub(crate) fn from_near_by(
+    view: View,
+    scene: &Scene,
+    splats: &Splats,
+    size: UVec2,
+) -> Result<View> {
+    /// Largest displacement by parallel rays, pixels.
+    const DISPLACED: f64 = 0.1;
+    /// Distances, in lengths of its fade, to which a ground's pattern shows, and at which the ground is no more than the
+    /// environment at the horizon.
+    const PATTERN: f64 = 1.5;
+    const FADED: f64 = 4.0;
+    let (from_eye, ahead) = (splats.origin - view.eye, view.ahead());
+    let ends = |splat: &Splat| {
+        let depth = (from_eye + Vec3::from_array(splat.centre).as_dvec3()).dot(ahead);
+        (depth - splat.longest(), depth + splat.longest())
+    };
+    let all = splats.aggregates.par_iter().chain(&splats.splashes).map(ends);
+    let wider = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+    let liquid = all.reduce(|| (f64::INFINITY, f64::NEG_INFINITY), wider);
+    let middle = 0.5 * (liquid.0 + liquid.1);
+    let (radius, pixels) = (f64::from(splats.radius), size.as_dvec2());
+    let (half, shift) = view.borders(size);
+    let length = radius.max(view.pixel_side(size, middle));
+    if liquid.0 <= 0.0 || middle <= RESOLVED.start * length {
+        return Ok(view);
+    }
+    let (mut shown, mut first, mut begins_behind) = (liquid, liquid.0, false);
+    for solid in &scene.solids {
+        let Some(depths) = depths_of(solid, &view, (half, shift)) else { continue };
+        let pattern = within_fade(solid, &view, depths, FADED);
+        first = first.min(pattern.0);
+        // Rays from near by would see what lies beneath a ground that they have met long before.
+        begins_behind |= depths.0 < pattern.0;
+        shown = wider(shown, within_fade(solid, &view, depths, PATTERN));
+    }
+    let displaced = 0.5 * (pixels * (half + shift.abs()) / half).max_element();
+    let apart = (middle - shown.0).max(shown.1 - middle);
+    let apart = if begins_behind { f64::INFINITY } else { apart };
+    let parallel = view.is_orthographic() && !begins_behind;
+    if !parallel && displaced * apart > DISPLACED * middle {
+        if middle <= RESOLVED.end * length {
+            return Ok(view);
+        }
+        let (most, least) = (RESOLVED.end * length, displaced * apart / DISPLACED);
+        let farther = match least.is_finite() {
+            true => format!(", or farther than {least:.1e} m"),
+            false => String::new(),
+        };
+        let problem = format!(
+            "particles of a radius of {radius} m are {middle:.1e} m away, where 32-bit floats do not tell their front \
+             from their back; move it nearer than {most:.1e} m{farther}"
+        );
+        return Err(Error::invalid("camera", problem));
+    }
+    let margin = (1e-3 * (liquid.1 - first)).max(16.0 * radius);
+    let moved = first - margin;
+    let projection = match view.projection {
+        Projection::Orthographic { .. } | Projection::Lens(Lens::Orthographic { .. }) => {
+            view.projection
+        }
+        _ => {
+            Projection::Orthographic { low: middle * (shift - half), high: middle * (shift + half) }
+        }
+    };
+    Ok(View {
+        eye: view.eye + moved * ahead,
+        projection,
+        focus: middle - moved,
+        near: view.near.map(|near| (f64::from(near) - moved).max(0.0) as f32),
+        ..view
+    })
+}
+
+/// Depths between which a solid is in the picture, m; `None` for one that is not. `borders` are half the picture's extent
+/// and its middle.
+fn depths_of(solid: &Solid, view: &View, (half, shift): (DVec2, DVec2)) -> Option<(f64, f64)> {
+    let parallel = view.is_orthographic();
+    let ends = |depths: &mut dyn Iterator<Item = f64>| {
+        depths.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)))
+    };
+    if let Some(corners) = solid.shape.corners() {
+        let seen = corners.map(|x| view.view_from_world * (x - view.eye));
+        let beside = |axis: usize, sign: f64| {
+            seen.iter().all(|x| {
+                let per_metre = if parallel { 1.0 } else { (-x.z).max(0.0) };
+                sign * (x[axis] - per_metre * shift[axis]) > per_metre * half[axis]
+            })
+        };
+        let (near, far) = ends(&mut seen.iter().map(|x| -x.z));
+        let outside = (0..2).any(|axis| beside(axis, 1.0) || beside(axis, -1.0));
+        return (far > 0.0 && !outside).then_some((near.max(0.0), far));
+    }
+    let Shape::Plane { origin, normal, .. } = solid.shape else { return None };
+    let from_eye = view.view_from_world * (origin - view.eye);
+    let normal = view.view_from_world * normal.as_dvec3();
+    let meets = [DVec2::new(-1.0, -1.0), DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0), DVec2::ONE]
+        .map(|corner| {
+            let at = shift + corner * half;
+            let (start, step) = match parallel {
+                true => (at.extend(0.0), DVec3::NEG_Z),
+                false => (DVec3::ZERO, at.extend(-1.0)),
+            };
+            let depth = (from_eye - start).dot(normal) / step.dot(normal);
+            // Rays that lead away from it meet it nowhere, and those beside them far away.
+            if depth > 0.0 { depth } else { f64::INFINITY }
+        });
+    let (near, far) = ends(&mut meets.into_iter());
+    near.is_finite().then_some((near, far))
+}
+
+/// Depths of a ground that fades, no farther from its origin than this many times the fade's length; those of others are
+/// returned as they are.
+fn within_fade(solid: &Solid, view: &View, (near, far): (f64, f64), fades: f64) -> (f64, f64) {
+    let (Shape::Plane { origin, .. }, Surface::Ground { fade, .. }) =
+        (&solid.shape, &solid.surface)
+    else {
+        return (near, far);
+    };
+    let middle = (*origin - view.eye).dot(view.ahead());
+    let reach = fades * f64::from(*fade);
+    (near.clamp(middle - reach, middle + reach), far.clamp(middle - reach, middle + reach))
 }
 
 /// Moves a default near plane in front of the liquid, if the eye is outside the liquid but nearer to

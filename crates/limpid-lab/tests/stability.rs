@@ -11,9 +11,10 @@ use frames::{
 };
 use glam::{DVec2, DVec3, UVec2, Vec3};
 use image::buffer::ConvertBuffer;
-use limpid::camera::Camera;
+use limpid::camera::{Camera, Lens};
 use limpid::environment::Environment;
 use limpid::liquid::classify::{Splats, add_wall_contacts, classify};
+use limpid::offscreen::Picture;
 use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::{Reflections, Settings};
 use limpid_lab::compare::compare;
@@ -172,6 +173,70 @@ fn pictures_are_invariant_under_scaling() {
         // Measured: 2.1e-3 at 1e-3, where 2 rays of 1000 cross a threshold; small particles are smoothed over few
         // pixels, so that little of it is averaged away.
         assert!(flip < 2.5e-3 && changed < 3e-3, "{scale}: {flip:e}, {changed:e}");
+    }
+}
+
+/// A telephoto shows from a thousand and ten thousand kilometres what parallel rays show from near by, and, but for the
+/// noise of 32-bit depths, what it shows from two kilometres; parallel rays show the same from anywhere.
+#[test]
+fn far_cameras_show_what_near_ones_do() {
+    let Some(mut harness) = harness() else { return };
+    let (scene, camera, splats) = tank(HERE);
+    let back = (camera.eye - camera.target).normalize();
+    let height = 2.2;
+    let mut draw = |distance: f64, parallel: bool| {
+        let fov_y = 2.0 * (0.5 * height / distance).atan().to_degrees();
+        let camera = Camera {
+            eye: camera.target + distance * back,
+            fov_y: fov_y as f32,
+            lens: parallel.then_some(Lens::Orthographic { height }),
+            ..camera
+        };
+        harness.render(&scene, &camera, &splats, SIZE)
+    };
+    let near = draw(8.0, true);
+    for (distance, parallel, limit) in [
+        // Measured: 3.2e-3 at 1e5 m, where 3 of 1000 rays cross a threshold.
+        (1e5, false, 6e-3),
+        (1e6, false, 6e-3),
+        (1e7, false, 6e-3),
+        (1e6, true, 6e-3),
+        (1e7, true, 6e-3),
+        (2e3, false, 0.03),
+    ] {
+        let (flip, most, changed) = difference(&near, &draw(distance, parallel));
+        println!(
+            "{distance} m, parallel {parallel}: mean FLIP {flip:.2e}, at most {most}, {changed:.2e}"
+        );
+        assert!(flip < limit, "{distance} m, parallel {parallel}: mean FLIP {flip:.2e}");
+    }
+}
+
+/// Where parallel rays would show something else, as a horizon, the camera is refused with its limit, and not where
+/// the particles are resolved.
+#[test]
+fn far_cameras_are_refused_before_a_horizon() {
+    let Some(mut harness) = harness() else { return };
+    let (mut scene, camera, splats) = tank(HERE);
+    let Harness { gpu, renderer } = &mut *harness;
+    let frame = Picture::new(gpu, SIZE).expect("a frame").view();
+    let mut draw = |scene: &Scene, distance: f64| {
+        // From a hand above the floor.
+        let eye = camera.target + distance * DVec3::Z;
+        let fov_y = (2.0 * (1.1 / distance).atan().to_degrees()) as f32;
+        let camera = Camera { eye, fov_y, ..camera };
+        renderer.render(scene, &camera, &splats, &frame, Picture::FORMAT, SIZE)
+    };
+    for fades in [false, true] {
+        if fades {
+            let (even, odd) = (Vec3::splat(0.8), Vec3::splat(0.2));
+            scene.solids[0].surface = Surface::Ground { tile: 0.25, even, odd, fade: 6.0 };
+        }
+        draw(&scene, 100.0).expect("it is near");
+        for distance in [1e6, 1e7] {
+            let error = draw(&scene, distance).expect_err("it is far away").to_string();
+            assert!(error.contains("camera") && error.contains("move it nearer than"), "{error}");
+        }
     }
 }
 
