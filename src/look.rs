@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
@@ -56,6 +56,31 @@ impl FromStr for Look {
     }
 }
 
+/// The pictures that an automatic camera is for.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Framing {
+    /// Width over height, above 0.
+    pub aspect: f64,
+    /// Whether the camera is going to turn about its target ([`Camera::turned`]), and is to see the whole body
+    /// from every side.
+    pub all_round: bool,
+}
+
+impl Default for Framing {
+    /// One picture of 4:3.
+    fn default() -> Self {
+        Self { aspect: 4.0 / 3.0, all_round: false }
+    }
+}
+
+impl Framing {
+    /// A picture of `size` pixels.
+    pub fn of(size: UVec2) -> Self {
+        let size = size.max(UVec2::ONE).as_dvec2();
+        Self { aspect: size.x / size.y, ..Self::default() }
+    }
+}
+
 /// The extent of a body of liquid, on which automatic scenes are based.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
@@ -67,6 +92,10 @@ pub struct Body {
     pub volume: f64,
     /// A sample of the centres in the bulk, m.
     points: Vec<DVec3>,
+    /// Corners of the boxes around the solids that a camera shows with the liquid, m.
+    corners: Vec<DVec3>,
+    /// Lowest point of all bounded solids, m.
+    solids_lowest: f64,
 }
 
 impl Body {
@@ -81,7 +110,7 @@ impl Body {
         let points: Vec<_> = places.filter(|&x| bulk.holds(x)).collect();
         let count = particles.len() - bulk.outside;
         let volume = count as f64 * (2.0 * f64::from(radius)).powi(3);
-        Some(Self { bounds: bulk.bounds, radius, volume, points })
+        Some(Self { bounds: bulk.bounds, radius, volume, points, ..Self::empty() })
     }
 
     /// A body of unknown shape that fills a box.
@@ -91,7 +120,18 @@ impl Body {
             min + (max - min) * DVec3::new(at(0), at(1), at(2))
         });
         let volume = (max - min).element_product();
-        Self { bounds: (min, max), radius, volume, points: corners.collect() }
+        Self { bounds: (min, max), radius, volume, points: corners.collect(), ..Self::empty() }
+    }
+
+    fn empty() -> Self {
+        Self {
+            bounds: (DVec3::ZERO, DVec3::ZERO),
+            radius: 0.0,
+            volume: 0.0,
+            points: Vec::new(),
+            corners: Vec::new(),
+            solids_lowest: f64::INFINITY,
+        }
     }
 
     /// The body of two liquids, or of two frames of one: it covers both.
@@ -102,6 +142,32 @@ impl Body {
         self.radius = self.radius.max(other.radius);
         self.volume = self.volume.max(other.volume);
         self.points.extend(other.points);
+        self.corners.extend(other.corners);
+        self.solids_lowest = self.solids_lowest.min(other.solids_lowest);
+        self
+    }
+
+    /// The body among solids, in a world of y up. A camera shows those that hold the liquid or lie in it: no more than
+    /// three times as long as the liquid and no farther from it than its length. It does not show floors, which lie
+    /// below the liquid and reach beyond it on all sides, rooms, and distant things. The ground lies below all.
+    #[must_use]
+    pub fn among(mut self, solids: &[Solid]) -> Self {
+        /// Longest side of a solid that is shown whole, over that of the liquid.
+        const LONGEST: f64 = 3.0;
+        /// Height of a floor's top above the liquid's lowest particles, over the liquid's height.
+        const ABOVE: f64 = 0.05;
+        let (size, (min, max)) = (self.size(), self.bounds);
+        for corners in solids.iter().filter_map(|solid| solid.shape.corners()) {
+            let low = corners.into_iter().fold(corners[0], DVec3::min);
+            let high = corners.into_iter().fold(corners[0], DVec3::max);
+            self.solids_lowest = self.solids_lowest.min(low.y);
+            let is_near = low.cmple(max + size).all() && high.cmpge(min - size).all();
+            let reaches_beyond = low.x < min.x && low.z < min.z && high.x > max.x && high.z > max.z;
+            let is_floor = reaches_beyond && high.y < min.y + ABOVE * (max.y - min.y);
+            if is_near && !is_floor && (high - low).max_element() <= LONGEST * size {
+                self.corners.extend(corners);
+            }
+        }
         self
     }
 
@@ -111,6 +177,7 @@ impl Body {
         let (a, b) = (up.to_y_up(self.bounds.0), up.to_y_up(self.bounds.1));
         self.bounds = (a.min(b), a.max(b));
         self.points.iter_mut().for_each(|x| *x = up.to_y_up(*x));
+        debug_assert!(self.corners.is_empty(), "solids are in a world of y up");
         self
     }
 
@@ -131,9 +198,18 @@ impl Body {
         if length > 0.0 && length.is_finite() { length.min(self.size()) } else { self.size() }
     }
 
-    /// Height of the ground, m: below every particle of the bulk.
+    /// Height of the ground, m: below every particle of the bulk, and below the solids, if they are [known](Self::among).
     pub fn lowest(&self) -> f64 {
-        self.bounds.0.y - f64::from(self.radius)
+        /// Depth below solids, over the liquid's length: a solid's own lower side is not the ground.
+        const BELOW_SOLIDS: f64 = 1e-3;
+        let liquid = self.bounds.0.y - f64::from(self.radius);
+        liquid.min(self.solids_lowest - BELOW_SOLIDS * self.size())
+    }
+
+    /// Minimum and maximum corner of what a camera shows: the liquid, and the solids with it.
+    fn shown(&self) -> (DVec3, DVec3) {
+        let corners = self.corners.iter();
+        corners.fold(self.bounds, |(min, max), &corner| (min.min(corner), max.max(corner)))
     }
 
     /// Horizontal direction from which the body is seen: across its longer side, turned by 25 degrees.
@@ -144,35 +220,50 @@ impl Body {
         DVec3::new(sin, 0.0, cos)
     }
 
-    /// A camera that sees the whole body, in the middle of a picture that is at least 4/3 as wide as it is
-    /// high, and from higher up the flatter it is.
-    pub fn camera(&self) -> Camera {
-        /// Width over height of the picture.
-        const ASPECT: f64 = 4.0 / 3.0;
+    /// A camera that sees the whole body, and the solids that belong to it, in the middle of the picture, and from
+    /// higher up the flatter it is.
+    pub fn camera(&self, framing: Framing) -> Camera {
         /// Largest share of the picture's width and height that the body takes.
         const SHARE: DVec2 = DVec2::new(0.64, 0.66);
+        /// Vertical field of view, degrees.
         const FOV_Y: f64 = 34.0;
+        /// Largest tangent of half the horizontal field of view: that of a picture of 21:9. Wider ones would distort
+        /// what they show at their sides.
+        const WIDEST: f64 = 0.72;
         /// Each corrects the distance and the target by what the last one has left.
         const STEPS: usize = 12;
 
-        let extent = self.bounds.1 - self.bounds.0;
-        let across = extent.x.max(extent.z).max(1e-3 * self.size());
+        let (min, max) = self.shown();
+        let extent = max - min;
+        let size = self.size().max(extent.max_element());
+        let across = extent.x.max(extent.z).max(1e-3 * size);
         let flatness = 1.0 - (extent.y / across).clamp(0.0, 1.0);
         let (sin, cos) = (10.0 + 18.0 * flatness).to_radians().sin_cos();
         let back = cos * self.front() + sin * DVec3::Y;
         let right = DVec3::Y.cross(back).normalize();
         let up = back.cross(right);
-        let tangent = (0.5 * FOV_Y).to_radians().tan() * DVec2::new(ASPECT, 1.0);
+        let half = (0.5 * FOV_Y).to_radians().tan();
+        let (half, fov_y) = match half * framing.aspect > WIDEST {
+            true => (WIDEST / framing.aspect, 2.0 * (WIDEST / framing.aspect).atan().to_degrees()),
+            false => (half, FOV_Y),
+        };
+        let tangent = half * DVec2::new(framing.aspect, 1.0);
         let radius = f64::from(self.radius);
+        let mut target = 0.5 * (min + max);
+        let of_points = self.points.iter().map(|&point| (point, radius));
+        let mut seen: Vec<(DVec3, f64)> =
+            of_points.chain(self.corners.iter().map(|&corner| (corner, 0.0))).collect();
+        if framing.all_round {
+            seen = rings(&seen, target, size);
+        }
 
-        let mut target = 0.5 * (self.bounds.0 + self.bounds.1);
         // Far enough for the eye and the target to differ in 64-bit floats.
         let least = (1e-12 * target.abs().max_element()).max(1e-9);
-        let mut distance = (2.0 * self.size() / tangent.y).max(least);
+        let mut distance = (2.0 * size / tangent.y).max(least);
         for _ in 0..STEPS {
             let (mut low, mut high) =
                 (DVec2::splat(f64::INFINITY), DVec2::splat(f64::NEG_INFINITY));
-            for &point in &self.points {
+            for &(point, radius) in &seen {
                 let offset = point - target;
                 let depth = (distance - offset.dot(back)).max(0.05 * distance);
                 let at = DVec2::new(offset.dot(right), offset.dot(up)) / depth / tangent;
@@ -183,13 +274,43 @@ impl Body {
                 break;
             }
             let middle = 0.5 * (low + high) * tangent * distance;
-            target += middle.x * right + middle.y * up;
+            // The axis that a camera turns about stays where it is.
+            target += match framing.all_round {
+                true => middle.y / up.y * DVec3::Y,
+                false => middle.x * right + middle.y * up,
+            };
             let fill = (0.5 * (high - low) / SHARE).max_element();
             distance = (distance * fill.clamp(0.25, 4.0)).max(least);
         }
         let eye = target + distance * back;
-        Camera { eye, target, up: Vec3::Y, fov_y: FOV_Y as f32, near: None, lens: None }
+        Camera { eye, target, up: Vec3::Y, fov_y: fov_y as f32, near: None, lens: None }
     }
+}
+
+/// Where a camera that turns about the vertical axis through `axis` sees places with what reaches around them: on
+/// circles about it. Of places at one height, those farthest from the axis stand for the others.
+fn rings(seen: &[(DVec3, f64)], axis: DVec3, size: f64) -> Vec<(DVec3, f64)> {
+    /// Heights that are told apart, over the size of the body.
+    const HEIGHTS: f64 = 64.0;
+    /// Places on a circle, which lie within 1 % of its radius of any other.
+    const PLACES: usize = 48;
+    let mut farthest = std::collections::BTreeMap::<i64, (f64, f64, f64)>::new();
+    for &(point, radius) in seen {
+        let offset = point - axis;
+        let from_axis = offset.x.hypot(offset.z);
+        let height = (offset.y / size * HEIGHTS).round() as i64;
+        let known = farthest.entry(height).or_insert((from_axis, offset.y, radius));
+        if from_axis > known.0 {
+            *known = (from_axis, offset.y, radius);
+        }
+    }
+    let circle = |&(from_axis, height, radius): &(f64, f64, f64)| {
+        (0..PLACES).map(move |i| {
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / PLACES as f64).sin_cos();
+            (axis + DVec3::new(from_axis * sin, height, from_axis * cos), radius)
+        })
+    };
+    farthest.values().flat_map(circle).collect()
 }
 
 /// The light of a look: relative to the direction in which the camera looks.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3, Vec3Swizzles as _};
+use glam::{BVec3, DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::is_position;
@@ -166,6 +166,45 @@ impl Shape {
             }
         };
         (found.0.abs() <= limit).then_some(found)
+    }
+
+    /// Corners of a box around it, with its axes or the world's, m; `None` for an unbounded plane.
+    pub fn corners(&self) -> Option<[DVec3; 8]> {
+        let of_box = |min: DVec3, max: DVec3| {
+            std::array::from_fn(|i| {
+                let at_max = |bit: usize| i >> bit & 1 == 1;
+                DVec3::select(BVec3::new(at_max(0), at_max(1), at_max(2)), max, min)
+            })
+        };
+        Some(match *self {
+            Self::Plane { origin, normal, half_extent } => {
+                if !half_extent.is_finite() {
+                    return None;
+                }
+                let (normal, half) = (normal.as_dvec3(), f64::from(half_extent));
+                let a = normal.abs();
+                // The axis closest to the normal, along which the square is slanted; see `distance`.
+                let axis = if a.y >= a.x.max(a.z) {
+                    DVec3::Y
+                } else if a.x >= a.z {
+                    DVec3::X
+                } else {
+                    DVec3::Z
+                };
+                let beside = DVec3::splat(half) * (DVec3::ONE - axis);
+                of_box(-beside, beside)
+                    .map(|x| origin + x - axis * (normal.dot(x) / normal.dot(axis)))
+            }
+            Self::Box { min, max } => of_box(min, max),
+            Self::Sphere { center, radius } => {
+                of_box(center - f64::from(radius), center + f64::from(radius))
+            }
+            Self::Mesh { ref mesh, placement } => {
+                let (low, high) = mesh.bounds();
+                of_box(low.as_dvec3(), high.as_dvec3())
+                    .map(|x| placement.world_from_mesh(mesh.origin() + x))
+            }
+        })
     }
 
     /// Whether the shape has two sides and no inside: planes and open meshes.

@@ -174,6 +174,7 @@ class Frames:
         up: str | None,
         radius: float | None,
         samples: int | None,
+        size: tuple[int, int],
     ) -> Frames: ...
     def __len__(self, /) -> int: ...
     @property

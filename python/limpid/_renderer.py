@@ -358,7 +358,13 @@ class Film(Iterator[Picture]):
                 raise ValueError("radius is an array; files take one radius")
             project = None if self._scene is None else self._scene._project
             self._frames = _limpid.Frames.open(
-                os.fspath(source), project, self._camera, self._up, value, self._samples
+                os.fspath(source),
+                project,
+                self._camera,
+                self._up,
+                value,
+                self._samples,
+                self._size,
             )
             self._count = len(self._frames)
             own_fps = self._frames.fps

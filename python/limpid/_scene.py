@@ -271,6 +271,8 @@ class Scene:
         The camera, if `render` is given none; without one it is made to fit.
     look : str, optional
         ``"studio"``, ``"daylight"``, ``"pool"``, ``"night"`` or ``"chart"``.
+    floor : float or "none", optional
+        Height of the look's ground, m, or ``"none"``; below liquid and solids by default.
     settings : mapping, optional
         Settings by name, as ``{"refract.samples": 4}``.
 
@@ -294,12 +296,15 @@ class Scene:
         background: PathLike | npt.NDArray[np.uint8] | None = None,
         camera: Camera | None = None,
         look: str | None = None,
+        floor: float | str | None = None,
         settings: Mapping[str, Any] | None = None,
     ) -> None:
         arrays = _Arrays()
         table: dict[str, Any] = {}
         if look is not None:
             table["look"] = look
+        if floor is not None:
+            table["floor"] = floor if isinstance(floor, str) else float(floor)
         if ior is not None and not isinstance(ior, (int, float, np.number)):
             raise ValueError(f"ior is {ior!r}; expected a number")
         liquid: dict[str, Any] = {"ior": ior}

@@ -78,6 +78,7 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
         Notice::Opaque(_) => "if these are millimetres: --scale 0.001".into(),
         Notice::Unseen { .. } => "--camera moves the view and --camera-up y or z says in which axes it is, and a scene without [camera] fits it".into(),
         Notice::Outside(..) => VIEW.into(),
+        Notice::Dots(_) => format!("if the radius is wrong: --radius; {VIEW}"),
         _ => return notice.to_string(),
     };
     joined(&notice.to_string(), Some(&remedy))

@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use crate::fingerprint::{self, Fingerprints};
 use glam::UVec2;
+use image::GrayImage;
 use indicatif::ProgressBar;
 use limpid::Error::{Defect, DeviceLost};
 use limpid::aov::{self, Aov, Part};
@@ -529,8 +530,12 @@ impl FrameLoop<'_> {
         loaded: &Loaded,
         Submitted { drawing, rung, images, radiance }: Submitted,
     ) -> limpid_io::Result<Outcome> {
-        let Self { args, output, stats, budget, .. } = self;
+        let Self { args, output, stats, budget, console, .. } = self;
         let drawn = drawing.wait()?;
+        let is_empty = |coverage: &GrayImage| coverage.iter().all(|&alpha| alpha == 0);
+        if loaded.particles > 0 && drawn.coverage.as_ref().is_some_and(is_empty) {
+            console.uncovered();
+        }
         if let (Some(_), Some(pictures)) = (&args.aov, output.pictures()) {
             pictures.write_aovs(&job.shot, images, job.fingerprint)?;
         }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use glam::UVec2;
+use limpid::look::Framing;
 use limpid_io::input::Missing;
 use limpid_io::open::Request;
 use limpid_io::project::Project;
@@ -15,6 +17,9 @@ pub(crate) struct Args {
     /// Complete this scene with the input's particles.
     #[arg(long)]
     scene: Option<PathBuf>,
+    /// Width and height in pixels of the pictures that the camera is for.
+    #[arg(long, default_value = "1024x768", value_parser = crate::shared_args::parse_size)]
+    size: UVec2,
     /// Particle radius in metres, if the files have none.
     #[arg(long)]
     radius: Option<f32>,
@@ -41,6 +46,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         missing: Missing::Hold,
         options: args.reading.options(),
         adjustments: args.changes.adjustments(args.fps),
+        framing: Framing::of(args.size),
+        ..Request::default()
     };
     let opened = standard::open(&request)?;
     let project = Project { source: opened.input.source(), ..opened.project };

@@ -70,6 +70,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<u8> {
         missing: args.missing,
         options: args.reading.options(),
         adjustments: args.changes.adjustments(args.fps),
+        ..Source::default()
     };
     let source = match source.input.is_empty() {
         false => Some(source),

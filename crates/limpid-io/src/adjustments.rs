@@ -105,6 +105,11 @@ impl Sun {
 }
 
 impl Floor {
+    /// The height, m, of one.
+    pub(crate) fn height(self) -> Option<f64> {
+        if let Self::At(height) = self { Some(height) } else { None }
+    }
+
     /// The height of a scene's ground.
     pub fn of(scene: &Scene) -> Self {
         let shape = scene.solids.iter().find(|solid| is_ground(solid)).map(|solid| &solid.shape);
@@ -116,7 +121,7 @@ impl Floor {
 }
 
 /// Whether a solid is an unbounded level plane.
-fn is_ground(solid: &Solid) -> bool {
+pub(crate) fn is_ground(solid: &Solid) -> bool {
     matches!(solid.shape, Shape::Plane { normal, half_extent, .. }
         if half_extent.is_infinite() && normal.y.abs() > 0.999)
 }

@@ -24,9 +24,9 @@ use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::{self, Splat, Splats};
 use limpid::liquid::particles::drawable;
 use limpid::liquid::{Particles, Up};
-use limpid::look::{Body, Look};
+use limpid::look::{Body, Framing, Look};
 use limpid::memory;
-use limpid::scene::Scene;
+use limpid::scene::{Scene, Solid};
 
 use self::files::is_scene_file;
 use self::fluid::{Fluid, FluidSource};
@@ -48,6 +48,8 @@ pub struct Input {
     pub missing: Missing,
     /// Keep the particles' velocities in [`Loaded::velocities`].
     pub with_velocities: bool,
+    /// The pictures that an automatic camera is for.
+    pub framing: Framing,
     /// The processor that classifies the particles; initially the project's.
     processor: Processor,
     classifier: SharedClassifier,
@@ -57,6 +59,8 @@ pub struct Input {
     body: Option<Body>,
     /// Whether the body is measured even if the scene is complete.
     measured: bool,
+    /// In place of the body for the automatic parts of the scene.
+    together: Option<Body>,
 }
 
 /// The origin of a particle radius, the most reliable first.
@@ -242,11 +246,13 @@ impl Input {
             frame,
             missing: Missing::Error,
             with_velocities: false,
+            framing: Framing::default(),
             classifier: SharedClassifier::default(),
             fps: None,
             fluids: vec![fluid],
             body: None,
             measured: false,
+            together: None,
         }
     }
 
@@ -381,11 +387,13 @@ impl Input {
             frame,
             missing: Missing::Error,
             with_velocities: false,
+            framing: Framing::default(),
             classifier: SharedClassifier::default(),
             fps,
             fluids,
             body: None,
             measured: false,
+            together: None,
         })
     }
 
@@ -725,6 +733,18 @@ impl Input {
         Ok(self)
     }
 
+    /// Measures the body in any case, if it is not known to, and completes the scene for another one.
+    pub(crate) fn measured_with(self, measured: bool, together: Option<Body>) -> Self {
+        Self { measured: self.measured || measured, together, ..self }
+    }
+
+    /// Whether a look is to provide the light.
+    pub(crate) fn takes_light_from_look(&self) -> bool {
+        let automatic =
+            |project: &Project| project.automatic.is_some_and(|automatic| automatic.light);
+        self.project.as_ref().is_none_or(automatic)
+    }
+
     /// Resolves values that neither files nor scene have: the radius of each fluid from its first frame
     /// with particles; the axis that points up, by format, by the particles' plane or, for files without a scene, by the
     /// surface of the liquid; the parts of the scene that a look provides; and the camera, which sees the
@@ -756,12 +776,29 @@ impl Input {
             };
         }
         let body = body.unwrap_or_else(|| Body::filling(-DVec3::ONE, DVec3::ONE, 0.0));
-        if let Some(automatic) = project.automatic.take() {
-            automatic.complete(&mut project.scene, &body);
-        }
+        let shown = self.solids_shown(&project.scene);
+        let body = shown.iter().fold(body, |body, solids| body.among(solids));
+        let body = self.together.take().unwrap_or(body);
+        project.complete(&body);
         project.turn_cameras(self.up().0);
-        project.camera.get_or_insert_with(|| body.camera());
+        project.camera.get_or_insert_with(|| body.camera(self.framing));
         self.body = Some(body);
-        Ok((self, project))
+        Ok((self.with_motion(&project.motion), project))
+    }
+
+    /// The solids of `scene` in the first frame, the last one and the one between.
+    fn solids_shown(&self, scene: &Scene) -> Vec<Vec<Solid>> {
+        let frames = &self.sequence.frames;
+        let last = frames.len().saturating_sub(1);
+        let mut shown = vec![0, last / 2, last];
+        shown.dedup();
+        let still = self.motion().is_none();
+        shown.truncate(if still { 1 } else { shown.len() });
+        let at = |i: usize| {
+            // Damaged files are an error once the frame is drawn.
+            let moved = frames.get(i).and_then(|frame| self.moved(frame, scene).ok());
+            moved.unwrap_or_default().solids(&scene.solids).into_owned()
+        };
+        shown.into_iter().map(at).collect()
     }
 }

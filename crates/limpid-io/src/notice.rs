@@ -1,6 +1,7 @@
 //! Notices: conditions that are no errors, but likely reasons for an unexpected picture. The program
 //! decides whether to show them.
 
+use std::f64::consts::PI;
 use std::fmt;
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
@@ -44,6 +45,10 @@ pub enum Notice {
     /// The liquid is so large that it is nearly opaque: its unit may be millimetres. The longest side of
     /// the box around the bulk of the particles, m.
     Opaque(f64),
+    /// All particles in the picture together take less than a pixel: the width of one, pixels.
+    Dots(f64),
+    /// No pixel of a picture whose coverage varies is covered.
+    Uncovered,
     /// None of the particles is in the picture.
     Unseen {
         /// Their number.
@@ -125,6 +130,11 @@ impl fmt::Display for Notice {
             Self::Opaque(extent) => {
                 write!(f, "the particles extend over {extent:.0} m; at this size the liquid is opaque")
             }
+            Self::Dots(width) => write!(
+                f,
+                "no liquid is visible: the particles are {width:.1e} pixels wide"
+            ),
+            Self::Uncovered => f.write_str("no liquid is visible: the picture is empty"),
             Self::Unseen { particles, bulk: (min, max), up } => {
                 let size = *max - *min;
                 let unit = 0.01 * size.max_element();
@@ -223,8 +233,7 @@ fn misfit(loaded: &Loaded) -> Option<Notice> {
     /// Ratio of the radius to the estimate from the spacing that no simulation method has: at most
     /// three, and smoothing of the centres halves the spacing of such particles at most.
     const TOO_LARGE: f32 = 8.0;
-    /// Ratio below which not even spray has a radius that was given for all particles: metres beside
-    /// centimetres or millimetres.
+    /// Ratio below which not even spray has radii: metres beside centimetres or millimetres.
     const TOO_SMALL: f32 = 0.03;
     /// Largest number of particles to check, which takes long.
     const MAX_CHECKED: usize = 2_000_000;
@@ -239,10 +248,9 @@ fn misfit(loaded: &Loaded) -> Option<Notice> {
     classify::probe_memory(splats.aggregates.len() + splats.splashes.len(), "a notice").ok()?;
     let positions = all().map(|splat| Vec3::from_array(splat.centre)).collect();
     let estimate = classify::estimate_radius(&Particles::from_positions(positions));
-    let given = matches!(loaded.radius_from, RadiusFrom::Option | RadiusFrom::Scene);
     if estimate > 0.0 && splats.radius > TOO_LARGE * estimate {
         Some(Notice::Crowded(splats.radius))
-    } else if given && splats.radius < TOO_SMALL * estimate {
+    } else if splats.radius < TOO_SMALL * estimate {
         Some(Notice::Scattered(splats.radius))
     } else {
         None
@@ -310,7 +318,37 @@ pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2, up: Up) -> Option<
     } else if outside == count {
         let bulk = turned(loaded.bulk.bounds, up);
         Some(Notice::Unseen { particles: loaded.particles, bulk, up })
+    } else if let Some(width) =
+        width_of_dots(all().filter(|splat| visible(splat)), camera, size, splats.origin)
+    {
+        Some(Notice::Dots(width))
     } else {
         (2 * outside > count).then_some(Notice::Outside(outside, count))
     }
+}
+
+/// Width of the widest of the visible splats, pixels, if all of them together cover less than half a pixel.
+fn width_of_dots<'a>(
+    visible: impl ParallelIterator<Item = &'a Splat>,
+    camera: &Camera,
+    size: UVec2,
+    origin: DVec3,
+) -> Option<f64> {
+    const LEAST: f64 = 0.5;
+    let view = View::from(camera);
+    let uniform = view.uniform(size, origin, 0.0);
+    let (from_eye, ahead) = (origin - view.eye, view.ahead());
+    // Pixels per unit of the picture's plane: tangents, or metres.
+    let pixels = 0.5 * f64::from(size.y) / f64::from(uniform.tangent.y);
+    let radius = |splat: &Splat| {
+        let depth = (from_eye + Vec3::from_array(splat.centre).as_dvec3()).dot(ahead);
+        let depth = if view.is_orthographic() { 1.0 } else { depth.max(f64::from(uniform.near)) };
+        pixels * splat.longest() / depth
+    };
+    // Of many that hide each other, the sum is too large, and says nothing.
+    let (area, widest) = visible
+        .map(radius)
+        .map(|radius| (PI * radius * radius, radius))
+        .reduce(|| (0.0, 0.0), |(area, widest), (more, radius)| (area + more, widest.max(radius)));
+    (area < LEAST).then_some(2.0 * widest)
 }

@@ -9,6 +9,7 @@ use crate::input::{Input, Missing};
 use crate::particles::ReadOptions;
 use crate::project::{LiquidSource, Project, overrides};
 use limpid::liquid::Up;
+use limpid::look::{Body, Framing};
 use limpid::settings::Settings;
 
 /// An input to open, with overrides.
@@ -33,6 +34,12 @@ pub struct Request {
     pub options: ReadOptions,
     /// Changes to the scene and to the reading of its files.
     pub adjustments: Adjustments,
+    /// The pictures that an automatic camera is for.
+    pub framing: Framing,
+    /// Whether the body of liquid is measured even if the scene is complete.
+    pub measured: bool,
+    /// The body that the automatic parts of the scene are for, instead of its own: that of several inputs together.
+    pub together: Option<Body>,
 }
 
 /// A project ready to be drawn.
@@ -92,15 +99,21 @@ impl Request {
         if let Some(radius) = self.radius {
             input = input.with_radius(radius)?;
         }
-        input.missing = self.missing;
+        (input.missing, input.framing) = (self.missing, self.framing);
         let mut axes = input.project.as_ref().map_or(CameraAxes::default(), |p| p.camera_axes);
         if let (Some(project), Some(up)) = (&mut input.project, self.camera_up) {
             let views = project.views.iter_mut().map(|view| &mut view.axes);
             views.chain([&mut project.camera_axes]).for_each(|axes| axes.up = Some(up));
         }
         let input = input.with_options(&self.options).with_adjustments(&self.adjustments)?;
+        let input = input.measured_with(self.measured, self.together.clone());
+        let lit_by_look = input.takes_light_from_look();
         let (input, mut plain) = input.resolve()?;
         self.adjustments.apply(&mut plain, input.body())?;
+        // A look's light on nothing that shows it is no slip of the user's.
+        if lit_by_look && !plain.scene.is_lit() {
+            plain.scene.lights.clear();
+        }
         // The input moves the solids that are left.
         let input = input.with_motion(&plain.motion);
         let mut project = plain.clone();

@@ -18,6 +18,7 @@ pub use solids::{Given, SolidFiles};
 
 use std::slice;
 
+use self::bodies::Bodies;
 use serde::{Deserialize, Serialize};
 
 use crate::camera_axes::CameraAxes;
@@ -27,7 +28,7 @@ use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
-use limpid::scene::Scene;
+use limpid::scene::{Scene, Shape};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -56,7 +57,7 @@ pub struct Project {
 }
 
 /// The parts of a scene that come from a [`Look`], because its file does not have them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Automatic {
     /// The look.
     pub look: Look,
@@ -64,6 +65,8 @@ pub struct Automatic {
     pub environment: bool,
     /// Whether it provides the ground.
     pub ground: bool,
+    /// Height of that ground, m; below liquid and solids if absent.
+    pub height: Option<f64>,
     /// Whether it provides the light.
     pub light: bool,
     /// Whether it provides the absorption.
@@ -83,6 +86,7 @@ impl Automatic {
             look,
             environment: true,
             ground: true,
+            height: None,
             light: true,
             absorption: true,
             caustics: true,
@@ -91,14 +95,24 @@ impl Automatic {
         }
     }
 
-    /// Fills in the parts of a scene that shows this body.
-    pub fn complete(&self, scene: &mut Scene, body: &Body) {
+    /// Fills in the parts of a project's scene that shows this body.
+    fn complete(&self, project: &mut Project, body: &Body) {
         let look = self.look.scene(body);
+        if self.ground {
+            let at = project.own_solids();
+            for mut ground in look.solids {
+                if let (Shape::Plane { origin, .. }, Some(height)) =
+                    (&mut ground.shape, self.height)
+                {
+                    origin.y = height;
+                }
+                project.scene.solids.insert(at, ground);
+                project.motion.insert(at);
+            }
+        }
+        let scene = &mut project.scene;
         if self.environment {
             scene.environment = look.environment;
-        }
-        if self.ground {
-            scene.solids = look.solids;
         }
         if self.light {
             scene.lights = look.lights;
@@ -243,6 +257,21 @@ impl Project {
             let axes = std::mem::replace(&mut view.axes, world);
             view.camera = axes.to_world(view.camera, files);
         }
+    }
+
+    /// Fills in what a look provides for this body.
+    pub(crate) fn complete(&mut self, body: &Body) {
+        if let Some(automatic) = self.automatic.take() {
+            automatic.complete(self, body);
+        }
+    }
+
+    /// Number of the solids of its own. Those of the recipe and of the rigid bodies follow, which reading its file adds
+    /// again.
+    fn own_solids(&self) -> usize {
+        let of_recipe = self.source.recipe().map_or(0, |recipe| recipe.solids().len());
+        let of_bodies = self.motion.bodies().map_or(0, Bodies::len);
+        self.scene.solids.len().saturating_sub(of_recipe + of_bodies)
     }
 
     /// The camera, or one fitted to `bounds`.

@@ -196,6 +196,7 @@ impl Device {
             up: frames::up(up)?,
             radius,
             samples,
+            framing: Framing::of(size.into()),
             alpha,
             motion: chosen.contains(&Aov::Motion),
             in_metres: true,

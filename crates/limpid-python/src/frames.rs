@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use limpid::liquid::{Particles, Up};
+use limpid::look::Framing;
 use limpid_io::adjustments::Adjustments;
 use limpid_io::camera_axes::CameraAxes;
 use limpid_io::input::Input;
@@ -26,6 +27,8 @@ pub(crate) struct Setting {
     pub(crate) radius: Option<f32>,
     /// Rays per pixel.
     pub(crate) samples: Option<u32>,
+    /// The pictures that a fitted camera is for.
+    pub(crate) framing: Framing,
     pub(crate) alpha: bool,
     pub(crate) motion: bool,
     /// Whether the particles are in metres, whatever the unit of the scene's files.
@@ -70,6 +73,7 @@ impl Setting {
             radius: self.radius,
             overrides,
             adjustments: Adjustments { up, ..Adjustments::default() },
+            framing: self.framing,
             ..Request::default()
         };
         let mut opened = request.open_from(input)?;
@@ -114,7 +118,8 @@ pub(crate) struct Frames {
 impl Frames {
     /// Opens a file, a pattern, a folder or a scene file.
     #[staticmethod]
-    #[pyo3(signature = (source, project, camera, up, radius, samples))]
+    #[pyo3(signature = (source, project, camera, up, radius, samples, size))]
+    #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
     fn open(
         py: Python<'_>,
         source: PathBuf,
@@ -123,6 +128,7 @@ impl Frames {
         up: Option<&str>,
         radius: Option<f32>,
         samples: Option<u32>,
+        size: (u32, u32),
     ) -> PyResult<Self> {
         let setting = Setting {
             project: project.map(|project| project.project()),
@@ -130,6 +136,7 @@ impl Frames {
             up: self::up(up)?,
             radius,
             samples,
+            framing: Framing::of(size.into()),
             ..Setting::default()
         };
         let staged =

@@ -10,6 +10,7 @@ use crate::Viewer;
 use crate::document::{Document, Source};
 #[cfg(not(target_arch = "wasm32"))]
 use crate::messages::Message;
+use limpid::look::Framing;
 #[cfg(not(target_arch = "wasm32"))]
 use limpid::scene::Solid;
 #[cfg(not(target_arch = "wasm32"))]
@@ -58,7 +59,13 @@ impl Viewer {
         self.begin_opening(source, true);
     }
 
-    pub(crate) fn begin_opening(&mut self, source: Source, again: bool) {
+    pub(crate) fn begin_opening(&mut self, mut source: Source, again: bool) {
+        // Wider windows show more at both sides; before the first frame the size is not known.
+        let shown = Framing::of(self.picture.viewport_size);
+        if self.picture.viewport_size.min_element() > 0 && shown.aspect < Framing::default().aspect
+        {
+            source.framing = shown;
+        }
         self.opened.openings += 1;
         // They were for another source.
         #[cfg(target_arch = "wasm32")]

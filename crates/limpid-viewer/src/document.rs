@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::playback::Speed;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
+use limpid::look::Framing;
 use limpid::scene::Scene;
 use limpid_io::adjustments::Adjustments;
 use limpid_io::bake;
@@ -42,6 +43,8 @@ pub struct Source {
     pub options: ReadOptions,
     /// Changes to the scene and to the reading of its files.
     pub adjustments: Adjustments,
+    /// The picture that an automatic camera is for.
+    pub framing: Framing,
 }
 
 /// An open document.
@@ -85,6 +88,8 @@ impl Document {
             missing: source.missing,
             options: source.options.clone(),
             adjustments: source.adjustments.clone(),
+            framing: source.framing,
+            ..Request::default()
         };
         let Opened { input, plain, project, .. } = request.open()?;
         let spec = source.frames.clone().unwrap_or_default();

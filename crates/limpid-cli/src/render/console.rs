@@ -19,15 +19,27 @@ pub(super) struct Console {
     pub(super) quiet: bool,
     /// The kinds of notices already printed, which are not repeated for every frame.
     printed: Vec<Discriminant<Notice>>,
+    /// The remarks on other files already printed.
+    incomplete: Vec<String>,
     /// The remarks on files already printed, by their subjects.
     remarked: Vec<(Discriminant<Remark>, String)>,
+    /// Whether the reason why a picture is empty has been told.
+    told_why_empty: bool,
     /// Whether the particles have been described.
     described: bool,
 }
 
 impl Console {
     pub(super) fn new(bar: ProgressBar, quiet: bool) -> Self {
-        Self { bar, quiet, printed: Vec::new(), remarked: Vec::new(), described: false }
+        Self {
+            bar,
+            quiet,
+            printed: Vec::new(),
+            incomplete: Vec::new(),
+            remarked: Vec::new(),
+            told_why_empty: false,
+            described: false,
+        }
     }
 
     pub(super) fn line(&self, line: &str) {
@@ -38,7 +50,12 @@ impl Console {
 
     pub(super) fn notice(&mut self, notice: &Notice) {
         let kind = discriminant(notice);
-        if let Notice::Read(remark) = notice {
+        if let Notice::Incomplete(remark) = notice {
+            if !self.incomplete.contains(remark) {
+                self.incomplete.push(remark.clone());
+                self.line(remark);
+            }
+        } else if let Notice::Read(remark) = notice {
             let (kind, name) = remark.subject();
             let subject = (kind, name.to_owned());
             if !self.remarked.contains(&subject) {
@@ -47,6 +64,7 @@ impl Console {
             }
         } else if !self.printed.contains(&kind) {
             self.printed.push(kind);
+            self.told_why_empty |= matches!(notice, Notice::Dots(_) | Notice::Unseen { .. });
             self.line(&remedy::of_notice(notice));
         }
     }
@@ -74,6 +92,13 @@ impl Console {
         }
         if let Some(notice) = notice::of_view(loaded, camera, size, camera_up) {
             self.notice(&notice);
+        }
+    }
+
+    /// Says that a picture with particles is empty, unless the reason has been told.
+    pub(super) fn uncovered(&mut self) {
+        if !self.told_why_empty {
+            self.notice(&Notice::Uncovered);
         }
     }
 

@@ -3,6 +3,7 @@
 use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
+use limpid::look::Framing;
 use limpid::scene::Scene;
 use limpid_io::Error;
 use limpid_io::camera_path::CameraPath;
@@ -50,6 +51,8 @@ impl Plan {
             missing: args.missing,
             options: args.reading.options(),
             adjustments: args.changes.adjustments(None),
+            framing: Framing { all_round: args.turntable.is_some(), ..Framing::of(args.size) },
+            ..Request::default()
         };
         let opened = standard::open(&request)?;
         let camera = opened.project.camera_for(Default::default());

@@ -3,6 +3,7 @@
 
 mod aov;
 mod compare;
+mod coverage;
 mod exit_codes;
 mod help;
 mod info;

@@ -11,6 +11,7 @@ use super::bodies::{Bodies, BodiesFile};
 use super::motion::SolidMotion;
 use super::solids::{Given, SolidFile, SolidFiles, unit};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
+use crate::adjustments::{Floor, is_ground};
 use crate::camera_axes::CameraAxes;
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
@@ -35,6 +36,8 @@ use limpid_sim::sim::Simulation;
 struct SceneFile {
     #[serde(skip_serializing_if = "Option::is_none")]
     look: Option<Look>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    floor: Option<toml::Value>,
     particles: Option<ParticleSource>,
     #[serde(default)]
     fluid: Vec<FluidFile>,
@@ -198,7 +201,8 @@ impl Project {
         }
         let table: toml::Table = text.parse().map_err(at_line)?;
         check_vectors("", &toml::Value::Table(table.clone())).map_err(fail)?;
-        let automatic = automatic(&file, &table);
+        let mut automatic = automatic(&file, &table);
+        let floor = file.floor.as_ref().map(floor).transpose().map_err(fail)?;
         let mut solids = Vec::new();
         let mut solid_files = SolidFiles::with(given);
         let mut motion = SolidMotion::default();
@@ -231,6 +235,17 @@ impl Project {
         if let Some(recipe) = &file.recipe {
             recipe.check().map_err(|e| in_file(e.into(), &fail))?;
             solids.extend(recipe.solids());
+        }
+        if let Some(automatic) = &mut automatic {
+            automatic.ground = match floor {
+                Some(floor) => floor != Floor::None,
+                None => !solids.iter().any(is_ground),
+            };
+            automatic.height = floor.and_then(Floor::height);
+        } else if floor.is_some_and(|floor| floor != Floor::None) {
+            let problem = "floor is the height of a look's ground, and a scene with an [environment] is complete: add \
+                           a plane as [[solid]], or a look";
+            return Err(fail(problem.into()));
         }
         let liquid = file.liquid.validated().map_err(|e| fail(format!("[liquid] {e}")))?;
         let mut fluids = Vec::new();
@@ -312,12 +327,7 @@ impl Project {
         let mut liquid = LiquidFile::of(&scene.liquid);
         liquid.absorption =
             liquid.absorption.filter(|_| !provides(|automatic| automatic.absorption));
-        let recipe = source.recipe().copied();
-        // The solids of the recipe and of the rigid bodies are left out, since reading adds them again.
-        let added = recipe.map_or(0, |recipe| recipe.solids().len());
-        let added = added + motion.bodies().map_or(0, Bodies::len);
-        let own = scene.solids.len().saturating_sub(added);
-        let solids = scene.solids[..own].iter().enumerate();
+        let solids = scene.solids[..self.own_solids()].iter().enumerate();
         let solids = solids.map(|(i, solid)| SolidFile::of(solid, motion.of(i), solid_files));
         let (mut particles, mut fluid) = (None, Vec::new());
         match source {
@@ -330,9 +340,10 @@ impl Project {
         }
         let file = SceneFile {
             look: automatic.map(|automatic| automatic.look),
+            floor: automatic.and_then(|automatic| automatic.floor(scene)),
             particles,
             fluid,
-            recipe,
+            recipe: source.recipe().copied(),
             simulation: source.simulation().cloned(),
             liquid,
             camera: *camera,
@@ -444,16 +455,34 @@ fn automatic(file: &SceneFile, table: &toml::Table) -> Option<Automatic> {
     Some(Automatic {
         look: file.look.unwrap_or_default(),
         environment: file.environment.is_none(),
-        // A recipe may have solids of its own.
-        ground: file.solid.is_empty()
-            && file.rigid_bodies.is_none()
-            && file.recipe.is_none_or(|recipe| recipe.solids().is_empty()),
+        // Known with the solids.
+        ground: true,
+        height: None,
         light: file.light.is_empty(),
         absorption: file.liquid.absorption.is_none() && file.liquid.color.is_none(),
         caustics: lacks("caustics"),
         tonemap: lacks("tonemap"),
         patterns: patterns.is_none(),
     })
+}
+
+/// The `floor` of a file.
+fn floor(value: &toml::Value) -> Result<Floor, String> {
+    let height = value.as_float().or_else(|| value.as_integer().map(|y| y as f64));
+    let text =
+        height.map_or_else(|| value.as_str().unwrap_or_default().to_owned(), |y| y.to_string());
+    text.parse().map_err(|problem| format!("floor is {value}: {problem}"))
+}
+
+impl Automatic {
+    /// The `floor` of a file with this scene, if it needs one.
+    fn floor(&self, scene: &Scene) -> Option<toml::Value> {
+        match (self.ground, self.height) {
+            (true, height) => height.map(toml::Value::Float),
+            (false, _) if scene.solids.iter().any(is_ground) => None,
+            (false, _) => Some("none".into()),
+        }
+    }
 }
 
 /// Whether a unit's length, m, keeps ordinary positions within the range of 32-bit floats.

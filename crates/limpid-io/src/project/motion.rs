@@ -209,6 +209,13 @@ impl SolidMotion {
         self.bodies.as_ref().map(|(_, bodies)| bodies)
     }
 
+    /// Follows the insertion of a solid that stands still.
+    pub(super) fn insert(&mut self, at: usize) {
+        let of_bodies = self.bodies.iter_mut().map(|(index, _)| index);
+        let indices = self.own.iter_mut().map(|(index, _)| index).chain(of_bodies);
+        indices.filter(|index| **index >= at).for_each(|index| *index += 1);
+    }
+
     /// Follows the removal of solids: `kept` says of each whether it stays.
     pub(crate) fn retain(&mut self, kept: &[bool]) {
         let stays = |index: usize| kept.get(index).is_none_or(|&kept| kept);

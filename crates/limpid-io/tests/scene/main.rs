@@ -8,6 +8,7 @@ mod camera;
 mod environments;
 #[path = "../../../../tests/support/frames.rs"]
 mod frames;
+mod looks;
 mod motion;
 mod output;
 mod reading;

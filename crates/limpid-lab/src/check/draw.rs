@@ -9,6 +9,7 @@ use tempfile::TempDir;
 use super::suite::{Bake, Content, Entry};
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
+use limpid::look::Framing;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid_io::bake;
@@ -51,6 +52,7 @@ impl<'a> OpenedEntry<'a> {
             radius: entry.radius,
             overrides: entry.set.iter().cloned().chain(samples).collect(),
             camera: entry.camera.map(GivenCamera::from),
+            framing: Framing::of(entry.size),
             ..Request::default()
         };
         let (opened, baked) = match entry.bake {
