@@ -23,6 +23,7 @@ use limpid::environment::Environment;
 use limpid::scene::Scene;
 use limpid_io::film::Shot;
 use limpid_io::input::{FrameTime, Input, Missing, Origin};
+use limpid_io::overlay::Overlay;
 use limpid_io::project::SolidMotion;
 use limpid_io::{exr, files};
 
@@ -149,6 +150,15 @@ impl Fingerprints {
         });
         let run = run_of(scene, size);
         Self { run, frame_times: frame_times.collect(), moves }
+    }
+
+    /// As these, of pictures that something is drawn over.
+    #[must_use]
+    pub(crate) fn under(self, overlay: &Overlay) -> Self {
+        match *overlay == Overlay::default() {
+            true => self,
+            false => Self { run: self.run.with(&format!("{overlay:?}")), ..self },
+        }
     }
 
     /// As these, of pictures that are drawn in `scene`.

@@ -11,6 +11,7 @@ use limpid_io::particles::Remark;
 /// The line that reports an error, with its remedy.
 pub(crate) fn with_remedy(error: &Error) -> String {
     match error {
+        Error::Input { input, source } => format!("{input}: {}", with_remedy(source)),
         Error::Frame { frame, source } => format!("frame {frame}: {}", with_remedy(source)),
         Error::Shared(error) => with_remedy(error),
         Error::Override { problem, .. } if problem.ends_with('?') => format!("--set {error}"),

@@ -1,5 +1,6 @@
 //! The command `limpid render`.
 
+mod beside;
 mod budget;
 mod console;
 mod loader;
@@ -37,6 +38,7 @@ use limpid_io::frames::{FrameSpec, Shard};
 use limpid_io::input::{FrameTime, Loaded, Missing};
 use limpid_io::notice::Notice;
 use limpid_io::output::FileKind;
+use limpid_io::overlay::Overlay;
 use limpid_io::project::overrides;
 use limpid_io::shared_classifier::SharedClassifier;
 use serde::Serialize;
@@ -68,6 +70,9 @@ pub(crate) struct Args {
     /// The input of `inputs`.
     #[arg(skip)]
     input: Option<String>,
+    /// Further ones, with --beside.
+    #[arg(skip)]
+    others: Vec<String>,
     /// Render the input's particles in this scene.
     #[arg(long)]
     scene: Option<PathBuf>,
@@ -173,6 +178,15 @@ pub(crate) struct Args {
     /// .webp and .exr.
     #[arg(long)]
     alpha: bool,
+    /// Draw several inputs beside each other, with one camera, one scale and one clock, and their names below.
+    #[arg(long, conflicts_with_all = ["merge", "shard", "claim", "skip_existing", "keep_going", "manifest", "aov", "max_error", "budget", "calibrate", "stats"])]
+    beside: bool,
+    /// Draw a bar of a round length, which holds at the depth of the liquid's middle, over the picture.
+    #[arg(long)]
+    scale_bar: bool,
+    /// Draw the directions of the files' axes over the picture.
+    #[arg(long)]
+    axes: bool,
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
     #[arg(long, value_name = "LIST", value_parser = aov::parse_list)]
     aov: Option<AovList>,
@@ -207,6 +221,9 @@ struct FrameStats {
 }
 
 pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
+    if args.beside {
+        return beside::run(args);
+    }
     let (input, frames) = args.inputs.resolve()?;
     args.input = input;
     args.frames = args.frames.or(frames);
@@ -218,7 +235,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         Some(pick) => (Some(pick.picked), Some(pick.opened), pick.budget),
         None => (None, None, None),
     };
-    let Plan { input, scene, frame_times, shots, fps, notices, camera_up } = plan;
+    let Plan { input, scene, frame_times, shots, fps, notices, camera_up, overlay } = plan;
     let stride = input.sequence.stride() as f64;
     let rate = stride * input.fps().unwrap_or(fps);
     let frozen = frame_times.len() == 1 && shots.len() > 1;
@@ -229,6 +246,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     // Computed before loading: a file that changes later must not match the picture.
     let moves = args.aov.iter().flatten().any(|aov| matches!(aov, Aov::Motion)).then_some(rate);
     let fingerprints = Fingerprints::new(&input, &frame_times, &scene, args.size, moves);
+    let fingerprints = fingerprints.under(&overlay);
     let host = gethostname::gethostname().to_string_lossy().into_owned();
     let claims = pictures.clone().filter(|_| args.claim).map(|pictures| {
         let version = env!("CARGO_PKG_VERSION");
@@ -241,6 +259,9 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         if args.quiet { ProgressBar::hidden() } else { crate::terminal::progress(shots.len()) };
     let mut console = Console::new(bar.clone(), args.quiet);
     notices.iter().for_each(|notice| console.notice(notice));
+    if output.is_linear() && overlay != Overlay::default() {
+        console.line("--scale-bar and --axes are not drawn in an .exr, which holds light");
+    }
     let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
     let shots: Vec<_> = args.shard.unwrap_or_default().of(shots).collect();
     let requested = shots.len();
@@ -283,6 +304,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         clock,
         classifier: loader.classifier().clone(),
         output,
+        overlay,
         stats: Stats { adapter: gpu.adapter(), picked, budget: None, frames: Vec::new() },
         console,
         failures: 0,
@@ -419,6 +441,8 @@ struct FrameLoop<'a> {
     /// Classifies the particles.
     classifier: SharedClassifier,
     output: Output,
+    /// What is drawn over the pictures.
+    overlay: Overlay,
     stats: Stats,
     console: Console,
     /// Number of consecutive failures of the device.
@@ -530,7 +554,7 @@ impl FrameLoop<'_> {
         loaded: &Loaded,
         Submitted { drawing, rung, images, radiance }: Submitted,
     ) -> limpid_io::Result<Outcome> {
-        let Self { args, output, stats, budget, console, .. } = self;
+        let Self { args, output, overlay, stats, budget, console, .. } = self;
         let drawn = drawing.wait()?;
         let is_empty = |coverage: &GrayImage| coverage.iter().all(|&alpha| alpha == 0);
         if loaded.particles > 0 && drawn.coverage.as_ref().is_some_and(is_empty) {
@@ -541,7 +565,8 @@ impl FrameLoop<'_> {
         }
         // The picture is written last: if it exists, so do the files that accompany it.
         let passes = drawn.passes.clone();
-        let picture = drawn.into_image();
+        let mut picture = drawn.into_image();
+        overlay.draw(&mut picture, &View::from(&job.shot.camera));
         output.write(&job.shot, &picture, radiance, job.fingerprint)?;
         stats.frames.push(FrameStats {
             frame: job.shot.number,

@@ -44,6 +44,11 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
+    /// The inputs as given, each of its own.
+    pub(crate) fn each(&self) -> &[String] {
+        &self.inputs
+    }
+
     /// The input, and the frames if they were named one by one.
     pub(crate) fn resolve(&self) -> limpid_io::Result<(Option<String>, Option<FrameSpec>)> {
         match (&self.merge, self.inputs.as_slice()) {

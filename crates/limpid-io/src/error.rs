@@ -102,6 +102,14 @@ pub enum Error {
         /// What was not found.
         problem: String,
     },
+    /// An error of one of several inputs.
+    #[error("{input}: {source}")]
+    Input {
+        /// The input as given.
+        input: String,
+        /// The error.
+        source: Box<Error>,
+    },
     /// A missing frame of a sequence.
     #[error("{pattern}: frame {frame} is missing")]
     MissingFrame {
@@ -239,7 +247,7 @@ impl Error {
             | Self::NotBaked { .. } => Category::Data,
             Self::Window(_) => Category::Device,
             Self::Threads(_) => Category::Temporary,
-            Self::Frame { source, .. } => source.category(),
+            Self::Frame { source, .. } | Self::Input { source, .. } => source.category(),
             Self::Shared(error) => error.category(),
             Self::Render(error) => error.into(),
         }

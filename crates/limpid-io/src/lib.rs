@@ -49,6 +49,7 @@ pub mod meshes;
 pub mod notice;
 pub mod open;
 pub mod output;
+pub mod overlay;
 pub mod particles;
 mod pattern;
 pub mod project;

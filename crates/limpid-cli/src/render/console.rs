@@ -17,6 +17,8 @@ use crate::remedy;
 pub(super) struct Console {
     pub(super) bar: ProgressBar,
     pub(super) quiet: bool,
+    /// The input that messages are about, if there are several.
+    input: Option<String>,
     /// The kinds of notices already printed, which are not repeated for every frame.
     printed: Vec<Discriminant<Notice>>,
     /// The remarks on other files already printed.
@@ -34,6 +36,7 @@ impl Console {
         Self {
             bar,
             quiet,
+            input: None,
             printed: Vec::new(),
             incomplete: Vec::new(),
             remarked: Vec::new(),
@@ -42,8 +45,16 @@ impl Console {
         }
     }
 
+    /// For messages about one of several inputs.
+    pub(super) fn of(self, input: &str) -> Self {
+        Self { input: Some(input.to_owned()), ..self }
+    }
+
     pub(super) fn line(&self, line: &str) {
         if !self.quiet {
+            // Messages on a file begin with its name.
+            let input = self.input.as_ref().filter(|input| !line.starts_with(input.as_str()));
+            let line = input.map_or_else(|| line.to_owned(), |input| format!("{input}: {line}"));
             self.bar.suspend(|| crate::terminal::warn(line));
         }
     }

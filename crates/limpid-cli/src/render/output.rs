@@ -37,7 +37,7 @@ pub(super) struct Pictures {
 pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
     let mut files = Files::default();
     let scene = args.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
-    for input in args.input.iter().chain(&scene) {
+    for input in args.input.iter().chain(&args.others).chain(&scene) {
         input::files_of(input).iter().for_each(|path| files.reads(path));
     }
     args.camera_path.iter().for_each(|path| files.reads(path));

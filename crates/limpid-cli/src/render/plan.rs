@@ -12,12 +12,13 @@ use limpid_io::frames::{FrameSpec, check_fps};
 use limpid_io::input::{FrameTime, Input};
 use limpid_io::notice::{self, Notice};
 use limpid_io::open::Request;
+use limpid_io::overlay::Overlay;
 
 use super::{Args, film_path};
 use crate::standard;
 
 /// Frame rate if neither the arguments nor the scene have one, frames per second.
-const DEFAULT_FPS: f64 = 30.0;
+pub(super) const DEFAULT_FPS: f64 = 30.0;
 
 /// A scene and its pictures.
 pub(super) struct Plan {
@@ -32,28 +33,14 @@ pub(super) struct Plan {
     pub(super) notices: Vec<Notice>,
     /// The axis that points up where the camera was given.
     pub(super) camera_up: Up,
+    /// What is drawn over the pictures.
+    pub(super) overlay: Overlay,
 }
 
 impl Plan {
     pub(super) fn new(args: &Args) -> limpid_io::Result<Self> {
-        // In this order, since later overrides replace earlier ones.
-        let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
-        overrides.extend(args.set.iter().cloned());
-        overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
-        overrides.extend(args.alpha.then(|| "refract.transparent=true".to_owned()));
-        let request = Request {
-            input: args.input.clone(),
-            scene: args.scene.clone(),
-            radius: args.radius,
-            overrides,
-            camera: args.camera,
-            camera_up: args.camera_up,
-            missing: args.missing,
-            options: args.reading.options(),
-            adjustments: args.changes.adjustments(None),
-            framing: Framing { all_round: args.turntable.is_some(), ..Framing::of(args.size) },
-            ..Request::default()
-        };
+        let framing = Framing { all_round: args.turntable.is_some(), ..Framing::of(args.size) };
+        let request = request(args, args.input.clone(), framing);
         let opened = standard::open(&request)?;
         let camera = opened.project.camera_for(Default::default());
         let incomplete = opened.project.solid_files.remarks.clone();
@@ -63,11 +50,59 @@ impl Plan {
             None => opened.camera_up,
         };
         input.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
+        let overlay = overlay(args, &input);
         let (frame_times, numbers, fps) = frame_times(args, &input)?;
         let shots = shots(args, camera, input.up().0, &numbers, fps)?;
         let mut notices = notices(args, &input, numbers.len());
         notices.extend(incomplete.into_iter().map(Notice::Incomplete));
-        Ok(Self { input, scene, frame_times, shots, fps, notices, camera_up })
+        Ok(Self { input, scene, frame_times, shots, fps, notices, camera_up, overlay })
+    }
+}
+
+/// What to open for an input, which may be standard input.
+pub(super) fn request(args: &Args, input: Option<String>, framing: Framing) -> Request {
+    // In this order, since later overrides replace earlier ones.
+    let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
+    overrides.extend(args.set.iter().cloned());
+    overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
+    overrides.extend(args.alpha.then(|| "refract.transparent=true".to_owned()));
+    Request {
+        input,
+        scene: args.scene.clone(),
+        radius: args.radius,
+        overrides,
+        camera: args.camera,
+        camera_up: args.camera_up,
+        missing: args.missing,
+        options: args.reading.options(),
+        adjustments: args.changes.adjustments(None),
+        framing,
+        measured: args.scale_bar,
+        together: None,
+    }
+}
+
+/// What is drawn over the pictures of an input.
+pub(super) fn overlay(args: &Args, input: &Input) -> Overlay {
+    let middle = input.body().map(|body| 0.5 * (body.bounds.0 + body.bounds.1));
+    Overlay { scale_bar: middle.filter(|_| args.scale_bar), axes: args.axes.then(|| input.up().0) }
+}
+
+/// The frames of an input that are asked for.
+pub(super) fn spec(args: &Args, input: &Input) -> FrameSpec {
+    match (&args.frames, input.frame) {
+        (Some(spec), _) => spec.clone(),
+        (None, Some(frame)) => FrameSpec::List(vec![frame]),
+        (None, None) => FrameSpec::All,
+    }
+}
+
+/// The playback speed.
+pub(super) fn speed(args: &Args) -> limpid_io::Result<f64> {
+    let speed = args.speed.unwrap_or(1.0);
+    match (1e-3..=1e3).contains(&speed) {
+        true => Ok(speed),
+        false => Err(Error::Usage(format!("--speed {speed}: expected 0.001 to 1000"))),
     }
 }
 
@@ -76,12 +111,7 @@ impl Plan {
 /// These are the sequence's frames, unless the film has another time scale: then frame times at equal
 /// steps, numbered from 1.
 fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>, Vec<i64>, f64)> {
-    let spec = match (&args.frames, input.frame) {
-        (Some(spec), _) => spec.clone(),
-        (None, Some(frame)) => FrameSpec::List(vec![frame]),
-        (None, None) => FrameSpec::All,
-    };
-    let mut frames = spec.numbers(&input.sequence, input.missing)?;
+    let mut frames = spec(args, input).numbers(&input.sequence, input.missing)?;
     input.check_frames(&frames)?;
     let fps = args.fps.or(input.fps()).unwrap_or(DEFAULT_FPS);
     check_fps(fps)?;
@@ -90,11 +120,7 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
         let frame_time = input.frame_time(&frames, time)?;
         return Ok((vec![frame_time], vec![frame_time.frame], fps));
     }
-    let speed = args.speed.unwrap_or(1.0);
-    if !(1e-3..=1e3).contains(&speed) {
-        return Err(Error::Usage(format!("--speed {speed}: expected 0.001 to 1000")));
-    }
-    let step = speed * input.fps().unwrap_or(fps) / fps;
+    let step = speed(args)? * input.fps().unwrap_or(fps) / fps;
     if step == 1.0 || frames.len() == 1 {
         return Ok((frames.iter().copied().map(FrameTime::at).collect(), frames, fps));
     }
@@ -126,7 +152,7 @@ fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
 }
 
 /// Lists the pictures with their cameras; `camera` is the initial one, and `files` the axis that points up in the files.
-fn shots(
+pub(super) fn shots(
     args: &Args,
     camera: Camera,
     files: Up,

@@ -2,6 +2,7 @@
 //! text, errors of one line, exit codes, and no unfinished files.
 
 mod aov;
+mod beside;
 mod compare;
 mod coverage;
 mod exit_codes;

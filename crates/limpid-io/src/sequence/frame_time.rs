@@ -26,7 +26,7 @@ impl FrameTime {
     }
 
     /// The frame time at `time` after the first of the ascending `numbers`; beyond the last, the last.
-    pub(crate) fn after(numbers: &[i64], time: f64) -> Self {
+    pub fn after(numbers: &[i64], time: f64) -> Self {
         let Some(&first) = numbers.first() else { return Self::at(0) };
         // Relative to the first frame, so that large numbers lose no digits.
         let since = |number: i64| number.abs_diff(first) as f64;
