@@ -40,7 +40,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         standard::DASH => {
             let (path, bytes) = standard::read(&options)?;
             let frames = vec![Frame::new(0, path)];
-            (Sequence { frames, pattern: args.input.clone(), fps: None }, Some(bytes))
+            let (pattern, absent) = (args.input.clone(), Vec::new());
+            (Sequence { frames, pattern, fps: None, absent }, Some(bytes))
         }
         input => (Sequence::open(input)?, None),
     };

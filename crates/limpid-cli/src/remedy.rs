@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 
 use limpid::error::Limited;
 use limpid_io::Error;
+use limpid_io::error::Unpacked;
 use limpid_io::input::Missing;
 use limpid_io::notice::Notice;
 use limpid_io::particles::Remark;
@@ -38,6 +39,8 @@ pub(crate) fn of_drawing(error: &limpid::Error) -> String {
 /// The remedy for an error of `limpid-io`.
 fn of_file(error: &Error) -> Option<String> {
     Some(match error {
+        Error::TooLarge { what: Unpacked::Meshes, .. } => "make its pictures smaller".into(),
+        Error::TooLarge { what: Unpacked::Instances, .. } => "export fewer instances".into(),
         Error::TooLarge { .. } => "--max-unpacked MIB allows more".into(),
         Error::MissingFrame { .. } | Error::MissingFrames { .. } => {
             "to continue: --missing empty or hold".into()
@@ -87,7 +90,13 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
 
 /// The line that reports a remark on a file, with its remedy.
 pub(crate) fn of_remark(remark: &Remark) -> String {
-    remark.to_string()
+    let remedy = match remark {
+        Remark::Partial { .. } => Some(
+            "to read all files as one, with {r} for their numbers: --merge 'snap_000.{r}.hdf5'",
+        ),
+        _ => None,
+    };
+    joined(&remark.to_string(), remedy)
 }
 
 fn joined(problem: &str, remedy: Option<&str>) -> String {

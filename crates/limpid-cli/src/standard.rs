@@ -4,6 +4,7 @@ use std::io::{self, IsTerminal as _, Read, Write as _};
 use std::path::{Path, PathBuf};
 
 use limpid_io::Error;
+use limpid_io::error::{Location, Unpacked};
 use limpid_io::files;
 use limpid_io::input::Input;
 use limpid_io::open::{Opened, Request};
@@ -35,32 +36,38 @@ pub(crate) fn read(options: &ReadOptions) -> limpid_io::Result<(PathBuf, Vec<u8>
         let problem = "-: standard input is a terminal; give it a file: limpid … - < particles.npz";
         return Err(Error::Usage(problem.into()));
     }
-    let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(u64::MAX));
-    let bytes = read_to_end(io::stdin().lock(), limit)?;
-    let extension = match bytes.as_slice() {
-        [b'P', b'K', ..] => "npz",
-        [b'p', b'l', b'y', b'\n' | b'\r', ..] => "ply",
-        [] => return Err(Error::format(Path::new(NAME), "it is empty")),
-        _ => {
-            let problem =
-                "expected .npz or PLY; write other formats to a file, whose name tells them";
-            return Err(Error::format(Path::new(NAME), problem));
-        }
-    };
+    // Its length is not known, and it may have no end.
+    let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(0));
+    let (extension, bytes) = read_within(io::stdin().lock(), limit)?;
     Ok((format!("stdin.{extension}").into(), bytes))
 }
 
-/// Reads at most `limit` bytes.
-fn read_to_end(input: impl Read, limit: u64) -> limpid_io::Result<Vec<u8>> {
+/// Reads at most `limit` bytes of a format that the first bytes tell; returns also its extension.
+fn read_within(mut input: impl Read, limit: u64) -> limpid_io::Result<(&'static str, Vec<u8>)> {
+    const MAGIC: u64 = 4;
     let path = Path::new(NAME);
     let mut bytes = Vec::new();
-    let read = input.take(limit.saturating_add(1)).read_to_end(&mut bytes);
-    read.map_err(|source| Error::Io { path: path.into(), action: "read", source })?;
+    let mut read = |count: u64, bytes: &mut Vec<u8>| {
+        let read = input.by_ref().take(count).read_to_end(bytes);
+        read.map_err(|source| Error::Io { path: path.into(), action: "read", source })
+    };
+    read(MAGIC, &mut bytes)?;
+    let extension = match bytes.as_slice() {
+        [b'P', b'K', ..] => "npz",
+        [b'p', b'l', b'y', b'\n' | b'\r', ..] => "ply",
+        [] => return Err(Error::format(path, "it is empty")),
+        _ => {
+            let problem =
+                "expected .npz or PLY; write other formats to a file, whose name tells them";
+            return Err(Error::format(path, problem));
+        }
+    };
+    read(limit.saturating_add(1).saturating_sub(MAGIC), &mut bytes)?;
     if bytes.len() as u64 > limit {
-        let location = limpid_io::error::Location::Byte(limit);
-        return Err(Error::TooLarge { path: path.into(), location, what: "file", limit });
+        let (path, location) = (path.into(), Location::Byte(limit));
+        return Err(Error::TooLarge { path, location, what: Unpacked::File, limit });
     }
-    Ok(bytes)
+    Ok((extension, bytes))
 }
 
 /// Fails if standard output is a terminal, which cannot show a picture.
@@ -77,4 +84,23 @@ pub(crate) fn write(bytes: &[u8]) -> limpid_io::Result<()> {
     let mut stdout = io::stdout().lock();
     let written = stdout.write_all(bytes).and_then(|()| stdout.flush());
     written.map_err(|source| Error::Io { path: "standard output".into(), action: "write", source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An input without end is refused by its first bytes, or at the limit.
+    #[test]
+    fn endless_input_is_not_read() {
+        let mut zeros = io::repeat(0).take(5);
+        assert!(matches!(read_within(&mut zeros, 1 << 40), Err(Error::Format { .. })));
+        assert_eq!(zeros.limit(), 1, "no more than the first bytes are read");
+        let mut endless = b"ply\n".chain(io::repeat(b'x')).take(1000);
+        let error = read_within(&mut endless, 100).unwrap_err();
+        assert!(matches!(error, Error::TooLarge { limit: 100, .. }), "{error}");
+        assert_eq!(endless.limit(), 1000 - 101);
+        let (extension, bytes) = read_within(&b"PK\x03\x04rest"[..], 8).expect("an archive");
+        assert_eq!((extension, bytes.len()), ("npz", 8));
+    }
 }

@@ -32,6 +32,30 @@ impl fmt::Display for Location {
     }
 }
 
+/// What takes too much memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unpacked {
+    /// A single file of particles.
+    File,
+    /// A file with all files that it lists, or the files of all ranks.
+    Files,
+    /// The meshes of a document, with their pictures.
+    Meshes,
+    /// A mesh that its nodes repeat.
+    Instances,
+}
+
+impl fmt::Display for Unpacked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::File => "the file unpacks to",
+            Self::Files => "the files that belong together unpack to",
+            Self::Meshes => "the meshes of the document and their pictures take",
+            Self::Instances => "its nodes repeat meshes, which take",
+        })
+    }
+}
+
 /// An error of this library.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -56,17 +80,17 @@ pub enum Error {
         /// What was found and what was expected.
         problem: String,
     },
-    /// A compressed file that unpacks to more than [`ReadOptions::max_unpacked`] allows.
+    /// A document of which more would be made than [`ReadOptions::max_unpacked`] or its length allows.
     ///
     /// [`ReadOptions::max_unpacked`]: crate::particles::ReadOptions::max_unpacked
-    #[error("{}: {location}: the {what} unpacks to more than {limit} bytes", path.display())]
+    #[error("{}: {location}: {what} more than {limit} bytes", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
         /// The location in it.
         location: Location,
-        /// `file` or `array`.
-        what: &'static str,
+        /// What it is.
+        what: Unpacked,
         /// The limit of its unpacked size, bytes.
         limit: u64,
     },

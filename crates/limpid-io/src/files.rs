@@ -9,6 +9,7 @@ use exr::meta::{BlockDescription, MetaData};
 use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, ImageResult};
 use rayon::prelude::*;
 
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 use limpid::memory;
 
@@ -63,8 +64,19 @@ pub fn picture_limits(bytes: &[u8]) -> Result<image::Limits, String> {
 pub fn decode_picture<R: BufRead + Seek>(
     path: &Path,
     bytes: &[u8],
+    reader: ImageReader<R>,
+    extra_per_pixel: u64,
+) -> Result<ImageResult<DynamicImage>> {
+    decode_within(path, bytes, reader, extra_per_pixel, None)
+}
+
+/// As [`decode_picture`], for a picture of the document with this budget, of which nothing is taken.
+pub(crate) fn decode_within<R: BufRead + Seek>(
+    path: &Path,
+    bytes: &[u8],
     mut reader: ImageReader<R>,
     extra_per_pixel: u64,
+    budget: Option<&Budget>,
 ) -> Result<ImageResult<DynamicImage>> {
     let limits = picture_limits(bytes).map_err(|problem| Error::format(path, problem))?;
     reader.limits(limits.clone());
@@ -90,6 +102,9 @@ pub fn decode_picture<R: BufRead + Seek>(
             most >> 20
         );
         return Err(Error::format(path, problem));
+    }
+    if let Some(budget) = budget.filter(|budget| needed > budget.left()) {
+        return Err(budget.exceeded(path, Location::Byte(0)));
     }
     let name = path.display();
     memory::probe(usize::try_from(decoded).unwrap_or(usize::MAX), &name)?;

@@ -67,10 +67,13 @@ impl FrameSpec {
     ///
     /// # Errors
     ///
-    /// [`Error::MissingFrames`] if a listed frame does not exist.
+    /// [`Error::MissingFrames`] if a listed frame does not exist, or for all frames of a sequence that lacks files.
     pub fn select<'a>(&self, sequence: &'a Sequence) -> Result<Vec<&'a Frame>> {
         let numbers = match self {
-            Self::All => return Ok(sequence.frames.iter().collect()),
+            Self::All => match sequence.absent.as_slice() {
+                [] => return Ok(sequence.frames.iter().collect()),
+                absent => return Err(absent_frames(sequence, absent)),
+            },
             Self::List(numbers) => numbers,
         };
         let missing: Vec<i64> =
@@ -107,6 +110,7 @@ impl FrameSpec {
         }
         match (self, sequence.frames.as_slice()) {
             (Self::List(numbers), _) => Ok(numbers.clone()),
+            (Self::All, _) if !sequence.absent.is_empty() => Ok(sequence.numbers()),
             (Self::All, [first, .., last]) => {
                 let (first, last, stride) = (first.number, last.number, sequence.stride());
                 let steps = last.abs_diff(first) / stride;
@@ -119,6 +123,21 @@ impl FrameSpec {
             (Self::All, frames) => Ok(frames.iter().map(|frame| frame.number).collect()),
         }
     }
+}
+
+/// The error of a list with files that are missing.
+fn absent_frames(sequence: &Sequence, absent: &[Frame]) -> Error {
+    let some = absent.iter().take(5);
+    let some: Vec<String> =
+        some.map(|frame| format!("{} ({})", frame.number, frame.path.display())).collect();
+    let problem = format!(
+        "{} of {} listed files are missing: {}{}",
+        absent.len(),
+        sequence.frames.len() + absent.len(),
+        some.join(", "),
+        if absent.len() > 5 { ", ..." } else { "" },
+    );
+    Error::MissingFrames { pattern: sequence.pattern.clone(), problem }
 }
 
 impl fmt::Display for FrameSpec {

@@ -332,7 +332,12 @@ impl Input {
         if let LiquidSource::Recipe(recipe) = project.source {
             let frame = Frame::new(0, origin.into());
             let fluid = Fluid {
-                sequence: Sequence { frames: vec![frame], pattern: origin.into(), fps: None },
+                sequence: Sequence {
+                    frames: vec![frame],
+                    pattern: origin.into(),
+                    fps: None,
+                    absent: Vec::new(),
+                },
                 radius: Some(recipe.particle_radius() as f32),
                 radius_from: RadiusFrom::Scene,
                 up: Up::Y,

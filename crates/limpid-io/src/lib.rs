@@ -29,6 +29,7 @@
 
 pub mod adjustments;
 pub mod bake;
+mod budget;
 pub mod camera_axes;
 pub mod camera_path;
 #[cfg(not(target_arch = "wasm32"))]

@@ -23,7 +23,8 @@ use limpid::environment::is_radiance;
 use limpid::memory;
 use limpid::mesh::{Material, MeshData, Texture};
 
-use crate::error::{Error, Result};
+use crate::budget::Budget;
+use crate::error::{Error, Location, Result};
 use crate::files;
 
 /// Extensions of files that [`load`] reads, in lower case.
@@ -58,7 +59,14 @@ pub struct LoadedMesh {
 /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it has another format, no triangles, or
 /// features that are not read; [`Error::Malformed`], with the place, if it violates its format, has an
 /// index out of range or a number that is not finite.
+///
+/// [`Error::TooLarge`] if mesh and textures take more memory than the length of their files warrants.
 pub fn load(path: &Path) -> Result<LoadedMesh> {
+    load_within(path, &Budget::of_meshes())
+}
+
+/// As [`load`], for a mesh of the document with this budget.
+pub(crate) fn load_within(path: &Path, budget: &Budget) -> Result<LoadedMesh> {
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or("").to_ascii_lowercase();
     let read = match extension.as_str() {
         "glb" | "gltf" => gltf::read,
@@ -73,7 +81,8 @@ pub fn load(path: &Path) -> Result<LoadedMesh> {
     };
     let mut bytes = Vec::new();
     files::read(path, |_| u64::MAX, &mut bytes)?;
-    let mut builder = Builder::new(path);
+    budget.add_file(path, bytes.len() as u64);
+    let mut builder = Builder::new(path, budget);
     read(path, &bytes, &mut builder)?;
     builder.finish()
 }
@@ -85,13 +94,19 @@ pub fn load(path: &Path) -> Result<LoadedMesh> {
 ///
 /// [`Error::Io`] or [`Error::Format`] naming the file; [`limpid::Error::Memory`] if the pixels do not fit.
 pub fn texture(path: &Path) -> Result<Texture> {
-    let mut bytes = Vec::new();
-    files::read_picture(path, &mut bytes)?;
-    parse_texture(path, &bytes)
+    texture_within(path, &Budget::of_meshes())
 }
 
-/// As [`texture`], from the file's contents; `path` is for messages.
-fn parse_texture(path: &Path, bytes: &[u8]) -> Result<Texture> {
+/// As [`texture`], for a texture of the document with this budget.
+pub(crate) fn texture_within(path: &Path, budget: &Budget) -> Result<Texture> {
+    let mut bytes = Vec::new();
+    files::read_picture(path, &mut bytes)?;
+    budget.add_file(path, bytes.len() as u64);
+    parse_texture(path, &bytes, budget)
+}
+
+/// As [`texture_within`], from the file's contents; `path` is for messages.
+fn parse_texture(path: &Path, bytes: &[u8], budget: &Budget) -> Result<Texture> {
     /// Bytes per pixel of the converted picture and of the texture.
     const EXTRA: u64 = 8;
     // The others that the `image` crate decodes here have linear colours.
@@ -102,12 +117,15 @@ fn parse_texture(path: &Path, bytes: &[u8]) -> Result<Texture> {
     };
     let reader = ImageReader::with_format(io::Cursor::new(bytes), format);
     let picture = files::catch_panics(path, || {
-        files::decode_picture(path, bytes, reader, EXTRA)?.map_err(|error| match error {
+        let picture = files::decode_within(path, bytes, reader, EXTRA, Some(budget))?;
+        picture.map_err(|error| match error {
             ImageError::IoError(error) => Error::io(path, "read", error),
             error => Error::format(path, format!("not a picture for a texture: {error}")),
         })
     })?;
     let size = UVec2::new(picture.width(), picture.height());
+    let kept = u64::from(size.x) * u64::from(size.y) * size_of::<[u8; 4]>() as u64;
+    budget.take(kept, path, Location::Byte(0))?;
     let pixels = picture.into_rgba8().pixels().map(|pixel| pixel.0).collect();
     Ok(Texture::new(size, pixels)?)
 }
@@ -124,6 +142,8 @@ struct Vertex {
 /// A mesh in the making.
 struct Builder<'a> {
     path: &'a Path,
+    /// For textures, and for meshes that are repeated.
+    budget: &'a Budget,
     mesh: LoadedMesh,
     /// The file has normals; vertices without one have 0.
     has_normals: bool,
@@ -134,9 +154,9 @@ struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    fn new(path: &'a Path) -> Self {
-        let mesh = LoadedMesh::default();
-        Self { path, mesh, has_normals: false, has_coordinates: false, textures: HashMap::new() }
+    fn new(path: &'a Path, budget: &'a Budget) -> Self {
+        let (mesh, textures) = (LoadedMesh::default(), HashMap::new());
+        Self { path, budget, mesh, has_normals: false, has_coordinates: false, textures }
     }
 
     /// Adds a vertex and returns its index. `fail` makes the error of a vertex out of range.
@@ -228,7 +248,7 @@ impl<'a> Builder<'a> {
         if let Some(texture) = self.textures.get(&key) {
             return Ok(texture.clone());
         }
-        let texture = self.texture_or_remark(texture(path))?;
+        let texture = self.texture_or_remark(texture_within(path, self.budget))?;
         self.textures.insert(key, texture.clone());
         Ok(texture)
     }
@@ -237,8 +257,10 @@ impl<'a> Builder<'a> {
     fn texture_or_remark(&mut self, texture: Result<Texture>) -> Result<Option<Arc<Texture>>> {
         match texture {
             Ok(texture) => Ok(Some(Arc::new(texture))),
-            // A retry may find memory.
-            Err(error @ Error::Render(limpid::Error::Memory { .. })) => Err(error),
+            // A retry may find memory, and what is too large may be made to exhaust it.
+            Err(error @ (Error::Render(limpid::Error::Memory { .. }) | Error::TooLarge { .. })) => {
+                Err(error)
+            }
             Err(error) => {
                 self.note(format!("{error}; the surface has its colour alone"));
                 Ok(None)

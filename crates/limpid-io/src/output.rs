@@ -21,6 +21,7 @@ use crate::error::{Error, Result};
 use crate::pattern::placeholder;
 
 pub use stream::{Pipe, Stream, interrupt};
+pub(crate) use target::Identity;
 pub use target::{FileKind, Files, check_folder};
 
 /// Prefix of the names of temporary files.

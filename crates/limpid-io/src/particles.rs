@@ -20,7 +20,7 @@ mod labelled;
 mod lammps;
 mod npy;
 mod npz;
-mod pieces;
+pub(crate) mod pieces;
 pub(crate) mod ply;
 mod pos;
 mod prt;
@@ -48,7 +48,8 @@ use self::arrays::MOST_LISTED;
 use self::cursor::{Cursor, FileBytes};
 use self::table::{Column, Scalar, Table};
 use self::values::{Values, attributes, narrow_id, too_large, write_numbers};
-use crate::error::{Error, Result};
+use crate::budget::Budget;
+use crate::error::{Error, Location, Result};
 use crate::files::File as InputFile;
 use crate::output::FileKind;
 use crate::{files, output};
@@ -57,7 +58,7 @@ use self::by_content::Found;
 pub(crate) use self::by_content::{is_particles, particles_in};
 
 pub use arrays::{Array, AttributeMap, Contents};
-pub use remark::Remark;
+pub use remark::{Remark, Unit};
 pub use trajectory::Section;
 
 /// An attribute of particles besides their positions.
@@ -96,7 +97,7 @@ impl Attribute {
             "velocity" | "velocities" | "vel" | "v" => Self::Velocity,
             "density" | "densities" | "rho" | "rhop" => Self::Density,
             "radius" | "radii" | "pscale" => Self::Radius,
-            "id" | "ids" | "idp" | "particleids" => Self::Id,
+            "id" | "ids" | "idp" | "idpd" | "particleids" => Self::Id,
             "ellipsoid" => Self::Ellipsoid,
             _ => return None,
         })
@@ -137,8 +138,9 @@ impl fmt::Display for Attribute {
 /// Options for reading particle files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Limit of the unpacked size, bytes, since a small compressed file can claim any amount of memory.
-    /// By default 100 times the file's length, but at least 1 GiB and at most 16 GiB.
+    /// Limit of what is made of a frame, bytes, since a small compressed file can claim any amount of memory: of a
+    /// file, or of all files that it lists or that hold the ranks of a frame, together. By default 100 times
+    /// their length, but at least 1 GiB and at most 16 GiB.
     pub max_unpacked: Option<u64>,
     /// The arrays of attributes with other than the usual names.
     pub map: AttributeMap,
@@ -147,9 +149,16 @@ pub struct ReadOptions {
 /// [`ReadOptions`], resolved for a file.
 #[derive(Clone, Copy)]
 struct Reading<'a> {
-    /// Limit of the unpacked size, bytes.
-    limit: u64,
+    options: &'a ReadOptions,
+    /// The memory of the document that the file is, or belongs to.
+    budget: &'a Budget,
     map: &'a AttributeMap,
+}
+
+impl<'a> Reading<'a> {
+    fn new(options: &'a ReadOptions, budget: &'a Budget) -> Self {
+        Self { options, budget, map: &options.map }
+    }
 }
 
 /// Reads one frame. The extension selects the format, which the contents must match; files with another one, as
@@ -257,34 +266,54 @@ impl Contents {
     /// As [`read()`]; [`Error::TooLarge`] for a file beyond the limit of its unpacked size, and
     /// [`Error::Format`] if an array of the attribute map is missing.
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
+        Self::read_within(path, options, &Budget::new(options.max_unpacked))
+    }
+
+    /// As [`Contents::read`], for a file of the document with this budget.
+    pub(crate) fn read_within(path: &Path, options: &ReadOptions, budget: &Budget) -> Result<Self> {
         let Found { format, gzip } = by_content::of_file(path)?;
-        if format.extension == ".xyz"
-            && !gzip
-            && options.map.is_empty()
-            && let Some(particles) = xyz::read_raw(path, options.max_unpacked)
-        {
-            return Ok(particles.into());
-        }
         let (file, metadata) = files::open(path)?;
-        let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(metadata.len()));
-        let reading = Reading { limit, map: &options.map };
-        if !gzip {
-            format.probe(path, &file, metadata.len())?;
+        budget.add_file(path, metadata.len());
+        let used = budget.used();
+        if used > 0 && metadata.len() > budget.left() {
+            return Err(budget.exceeded(path, Location::Byte(0)));
         }
-        let mut bytes = BUFFER.take();
-        let read = files::contents(path, &file, &metadata, limit, &mut bytes);
-        let contents = read.and_then(|()| format.parse_packed(path, &bytes, &reading, gzip));
-        if bytes.capacity() <= MAX_BUFFER {
-            BUFFER.set(bytes);
-        }
-        let mut contents = contents?;
+        let raw = match format.extension {
+            ".xyz" if !gzip && options.map.is_empty() => xyz::read_raw(path, budget.left()),
+            _ => None,
+        };
+        let mut contents = if let Some(particles) = raw {
+            particles.into()
+        } else {
+            if !gzip {
+                format.probe(path, &file, metadata.len())?;
+            }
+            let mut bytes = BUFFER.take();
+            let read = files::contents(path, &file, &metadata, budget.left(), &mut bytes);
+            let reading = Reading::new(options, budget);
+            let parsed = read.and_then(|()| format.parse_packed(path, &bytes, &reading, gzip));
+            if bytes.capacity() <= MAX_BUFFER {
+                BUFFER.set(bytes);
+            }
+            parsed?
+        };
         if format.extension == foam::EXTENSION {
-            foam::read_beside(path, &mut contents, limit)?;
+            foam::read_beside(path, &mut contents, budget.left())?;
         }
         if format.extension == ".pos" {
-            pos::read_ellipsoids(path, &mut contents, limit)?;
+            pos::read_ellipsoids(path, &mut contents, budget.left())?;
         }
+        // Formats that are not packed have taken nothing yet.
+        let missing = contents.bytes().saturating_sub(budget.used() - used);
+        budget.take(missing, path, Location::Byte(0))?;
         Ok(contents)
+    }
+
+    /// Memory of the particles, bytes.
+    fn bytes(&self) -> u64 {
+        let attributes = attributes(&self.particles);
+        let numbers = attributes.iter().map(|(_, values)| values.bytes() as u64);
+        numbers.fold(POSITION_BYTES * self.particles.len() as u64, u64::saturating_add)
     }
 
     /// As [`Contents::read`], for contents in memory; see [`parse`].
@@ -293,10 +322,9 @@ impl Contents {
     ///
     /// As [`Contents::read`].
     pub fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Self> {
-        let limit = options.max_unpacked;
-        let limit = limit.unwrap_or_else(|| files::unpacked_limit(bytes.len() as u64));
+        let budget = Budget::of_length(options.max_unpacked, bytes.len() as u64);
         let Found { format, gzip } = by_content::of_bytes(path, bytes)?;
-        format.parse_packed(path, bytes, &Reading { limit, map: &options.map }, gzip)
+        format.parse_packed(path, bytes, &Reading::new(options, &budget), gzip)
     }
 }
 
@@ -399,7 +427,7 @@ impl Format {
         if !gzip {
             return self.parse(path, bytes, reading);
         }
-        self.parse(path, &bgeo::unpack(path, bytes, reading.limit)?, reading)
+        self.parse(path, &bgeo::unpack(path, bytes, reading.budget)?, reading)
     }
 
     /// Parses a file, and checks that the arrays of the attribute map exist.
@@ -422,7 +450,8 @@ impl Format {
         }
         let mut start = vec![0; START as usize];
         files::read_at(file, &mut start, 0).map_err(|source| Error::io(path, "read", source))?;
-        let reading = Reading { limit: LARGE, map: &AttributeMap::default() };
+        let (options, budget) = (ReadOptions::default(), Budget::new(Some(LARGE)));
+        let reading = Reading::new(&options, &budget);
         match ((self.read)(path, &start, &reading), self.extension) {
             // All other errors may be due to the truncation.
             (Err(error @ Error::Format { .. }), _) => Err(error),
@@ -438,7 +467,8 @@ fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let Some((_, format)) = format_of(&name) else { return false };
     let complete = head.len() as u64 == length;
-    let reading = Reading { limit: files::unpacked_limit(length), map: &AttributeMap::default() };
+    let (options, budget) = (ReadOptions::default(), Budget::of_length(None, length));
+    let reading = Reading::new(&options, &budget);
     match format.extension {
         // Formats without a magic: the particles must be valid.
         ".xyz" => xyz::is_sound(path, head, length, &reading),

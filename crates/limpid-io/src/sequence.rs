@@ -9,15 +9,14 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::particles::{
-    Contents, ReadOptions, Section, extensions, is_particles, particles_in, readable_stem,
+    Contents, ReadOptions, Section, extensions, is_particles, particles_in, pieces, readable_stem,
     trajectory,
 };
 use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
-use limpid::liquid::Particles;
-use limpid::memory;
 
 pub use self::frame_time::FrameTime;
 
@@ -30,6 +29,8 @@ pub struct Sequence {
     pub pattern: String,
     /// Frames per second, if a list of the files has their times.
     pub fps: Option<f64>,
+    /// Frames that a list of the files names, but whose files are missing, by ascending number.
+    pub absent: Vec<Frame>,
 }
 
 /// One frame of a sequence.
@@ -83,31 +84,24 @@ impl Frame {
     /// # Errors
     /// As [`Contents::read`].
     pub fn read(&self, options: &ReadOptions) -> Result<Contents> {
-        let mut contents = match self.section {
-            Some(section) => trajectory::read_section(&self.path, section, options)?,
-            None => Contents::read(&self.path, options)?,
-        };
-        if self.parts.is_empty() {
-            return Ok(contents);
+        if let Some(section) = self.section {
+            return trajectory::read_section(&self.path, section, options);
         }
-        let mut parts = vec![std::mem::take(&mut contents.particles)];
-        for path in &self.parts {
-            let part = Contents::read(path, options)?;
-            contents.cells = contents.cells.saturating_add(part.cells);
-            contents.remarks.extend(part.remarks);
-            parts.push(part.particles);
+        let budget = Budget::new(options.max_unpacked);
+        let mut parts = Vec::new();
+        for path in std::iter::once(&self.path).chain(&self.parts) {
+            let contents = Contents::read_within(path, options, &budget)?;
+            parts.push((path.display().to_string(), contents));
         }
-        let count: usize = parts.iter().map(Particles::len).sum();
-        memory::probe(count.saturating_mul(Particles::MATCHED), self.path.display())?;
-        contents.particles = Particles::joined(&parts);
-        Ok(contents)
+        pieces::joined(&self.path, parts)
     }
 }
 
 impl Sequence {
     /// Finds the frames of `input`:
     ///
-    /// - a time series, `.pvd` or `.series`: the listed files, numbered from 0;
+    /// - a time series, `.pvd` or `.series`: the listed files, numbered from 0, of which some may be
+    ///   [absent](Self::absent);
     /// - extended XYZ, LAMMPS dumps and arrays (`.npy`, `.npz`, HDF5) with several frames: these, numbered from 0 or
     ///   by their time steps;
     /// - another existing file: one frame, numbered by the last digits in its name, or 0;
@@ -116,8 +110,8 @@ impl Sequence {
     /// - a pattern, whose file name contains one of `{}`, `%d`, `$F` (a number of any width), `%04d`,
     ///   `$F4`, `####` (a number of at least that many digits). Gaps between numbers are allowed;
     /// - a pattern with `*`, which stands for any text: files whose names differ only in the number;
-    /// - a pattern with `{r}` for the number of a rank, and a placeholder for that of the frame: the files
-    ///   of all ranks are one frame.
+    /// - a pattern with `{r}` for the number of a rank, and perhaps a placeholder for that of the frame: the files
+    ///   of all ranks are one frame. Ranks are numbered from 0 or 1 without gaps.
     ///
     /// # Errors
     ///
@@ -155,7 +149,7 @@ impl Sequence {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let number = split_number(&name).map_or(0, |(_, number, _)| number);
                 let frames = vec![Frame::new(number, path.to_owned())];
-                Ok(Self { frames, pattern: input.into(), fps: None })
+                Ok(Self { frames, pattern: input.into(), fps: None, absent: Vec::new() })
             }
         }
     }
@@ -213,11 +207,21 @@ impl Sequence {
             }
             a
         };
-        let pairs = self.frames.array_windows();
-        pairs.map(|[a, b]| b.number.abs_diff(a.number)).fold(0, gcd).max(1)
+        let numbers = self.numbers();
+        let pairs = numbers.array_windows();
+        pairs.map(|[a, b]| b.abs_diff(*a)).fold(0, gcd).max(1)
     }
 
-    /// The ranges of missing numbers between frames, as the first and the last of each.
+    /// The numbers of the frames and of those that are [absent](Self::absent), ascending.
+    pub fn numbers(&self) -> Vec<i64> {
+        let mut numbers: Vec<i64> =
+            self.frames.iter().chain(&self.absent).map(|frame| frame.number).collect();
+        numbers.sort_unstable();
+        numbers
+    }
+
+    /// The ranges of missing numbers between frames, as the first and the last of each, and the frames before and
+    /// after all others that are absent.
     pub fn gaps(&self) -> Vec<(i64, i64)> {
         let stride = self.stride();
         let pairs = self.frames.array_windows();
@@ -225,7 +229,13 @@ impl Sequence {
         let ends = |[a, b]: &[Frame; 2]| {
             (a.number.saturating_add_unsigned(stride), b.number.saturating_sub_unsigned(stride))
         };
-        gaps.map(ends).collect()
+        let outside = self.absent.iter().map(|frame| frame.number).filter(|&number| {
+            let after = self.frames.partition_point(|frame| frame.number < number);
+            after == 0 || after == self.frames.len()
+        });
+        let mut gaps: Vec<_> = gaps.map(ends).chain(outside.map(|n| (n, n))).collect();
+        gaps.sort_unstable();
+        gaps
     }
 
     /// Merges the frames of two sequences by number; where both have a frame, that of `self` is kept.
@@ -234,6 +244,12 @@ impl Sequence {
         let new: Vec<Frame> = new.cloned().collect();
         self.frames.extend(new);
         self.frames.sort_by_key(|frame| frame.number);
+        self.absent.extend(other.absent.iter().cloned());
+        self.absent.sort_by_key(|frame| frame.number);
+        self.absent.dedup_by_key(|frame| frame.number);
+        let frames = &self.frames;
+        let has = |number| frames.binary_search_by_key(&number, |frame| frame.number).is_ok();
+        self.absent.retain(|frame| !has(frame.number));
         self.pattern = format!("{}, {}", self.pattern, other.pattern);
         self
     }
@@ -255,7 +271,15 @@ impl Sequence {
         let all_have_one = times.len() == listed.len();
         let fps = vtk_lists::rate(&times).filter(|_| all_have_one);
         let frames = (0..).zip(listed).map(|(number, file)| Frame::new(number, file.path));
-        Ok(Self { frames: frames.collect(), pattern: path.display().to_string(), fps })
+        let (absent, frames): (Vec<_>, Vec<_>) = frames.partition(|frame| is_absent(&frame.path));
+        let pattern = path.display().to_string();
+        match absent.first().filter(|_| frames.is_empty()) {
+            Some(first) => {
+                let problem = format!("none of its files is there: {}", first.path.display());
+                Err(Error::Sequence { pattern, problem })
+            }
+            None => Ok(Self { frames, pattern, fps, absent }),
+        }
     }
 
     fn from_pattern(input: &str, pattern: &Pattern<'_>) -> Result<Self> {
@@ -326,7 +350,8 @@ impl Sequence {
             (0..).zip(times).map(|(number, (_, path))| Frame::new(number, path)).collect();
         let pattern = folder.display().to_string();
         let fps = vtk_lists::rate(&seconds);
-        Ok(Some(Self { frames, pattern, fps }).filter(|case| !case.frames.is_empty()))
+        Ok(Some(Self { frames, pattern, fps, absent: Vec::new() })
+            .filter(|case| !case.frames.is_empty()))
     }
 
     /// The files that match a name with `*`.
@@ -366,11 +391,13 @@ impl Sequence {
         // In place of the rank's number, each of those that occur.
         let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
         let of_frame = |text: &str| placeholder(text).is_some();
-        if [before, after].iter().filter(|part| of_frame(part)).count() != 1 {
+        if of_frame(before) && of_frame(after) {
             return Err(fail(
                 "expected one place for the frame's number, as rank{r}_{}.vtu".into(),
             ));
         }
+        // The number of a single frame is the last in its name but the rank's.
+        let single = split_number(&format!("{before}{after}")).map_or(0, |(_, number, _)| number);
         let mut frames: BTreeMap<i64, BTreeMap<i64, PathBuf>> = BTreeMap::new();
         for file in file_names(folder)? {
             // The literal text before the rank ends at the first placeholder or at the rank.
@@ -386,6 +413,7 @@ impl Sequence {
                     true if right == after => {
                         Pattern::of_name(folder, before).and_then(|p| p.number(left))
                     }
+                    false if left == before && right == after => Some(single),
                     false if left == before => {
                         Pattern::of_name(folder, after).and_then(|p| p.number(right))
                     }
@@ -399,6 +427,11 @@ impl Sequence {
         }
         let ranks: BTreeSet<i64> =
             frames.values().flat_map(|ranks| ranks.keys().copied()).collect();
+        let numbers: Vec<i64> = ranks.iter().copied().collect();
+        let gap = numbers.array_windows().find(|[a, b]| *b != a + 1).map(|[a, _]| a + 1);
+        if let Some(missing) = gap.or_else(|| (*numbers.first()? > 1).then_some(0)) {
+            return Err(fail(format!("the file of rank {missing} is missing")));
+        }
         for (number, of_frame) in &frames {
             if let Some(missing) = ranks.iter().find(|rank| !of_frame.contains_key(rank)) {
                 return Err(fail(format!("frame {number} lacks the file of rank {missing}")));
@@ -485,8 +518,14 @@ impl Sequence {
                 return Err(Error::Sequence { pattern, problem });
             }
         }
-        Ok(Self { frames, pattern, fps: None })
+        Ok(Self { frames, pattern, fps: None, absent: Vec::new() })
     }
+}
+
+/// Whether there is no file of this name. A server is not asked for each file of a list.
+fn is_absent(path: &Path) -> bool {
+    let not_found = |error: &std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
+    !cfg!(target_arch = "wasm32") && files::metadata(path).is_err_and(|error| not_found(&error))
 }
 
 /// The error of a file that cannot be opened, with the most similar name that is there.

@@ -33,15 +33,29 @@ pub(crate) fn parse_xml(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut xml = Reader::from_reader(bytes);
     let mut listed = Vec::new();
+    let mut open: Vec<String> = Vec::new();
     loop {
         let at = xml.buffer_position();
         let fail = |at: u64, problem: String| Error::malformed(path, Location::Byte(at), problem);
         let event = xml.read_event().map_err(|error| fail(at, format!("not XML: {error}")))?;
+        let empty = matches!(event, Event::Empty(_));
         let element = match event {
-            Event::Eof => break,
+            Event::Eof => match open.pop() {
+                Some(name) => {
+                    return Err(fail(at, format!("the list is cut off: <{name}> has no end")));
+                }
+                None => break,
+            },
             Event::Start(element) | Event::Empty(element) => element,
+            Event::End(_) => {
+                open.pop();
+                continue;
+            }
             _ => continue,
         };
+        if !empty {
+            open.push(String::from_utf8_lossy(element.name().as_ref()).into_owned());
+        }
         let attribute = |name: &str| attribute(&element, name).map_err(|problem| fail(at, problem));
         let key = match element.local_name().as_ref() {
             b"Piece" => "Source",

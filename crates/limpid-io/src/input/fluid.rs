@@ -93,7 +93,7 @@ impl Fluid {
     /// One frame, a file in memory, which messages call `pattern`.
     pub(super) fn in_memory(path: &Path, pattern: &str, bytes: Arc<[u8]>) -> Self {
         let frames = vec![Frame::new(0, path.to_owned())];
-        let sequence = Sequence { frames, pattern: pattern.into(), fps: None };
+        let sequence = Sequence { frames, pattern: pattern.into(), fps: None, absent: Vec::new() };
         let fluid = Self::of_files(sequence, None, None, AttributeMap::default());
         Self { source: FluidSource::Memory(bytes), ..fluid }
     }

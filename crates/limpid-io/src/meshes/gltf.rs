@@ -23,8 +23,7 @@ use limpid::mesh::{Material, Texture};
 use self::buffers::{Buffers, embedded, file_beside};
 use self::document::{Document, Node, Preface, Primitive, TextureTransform, TextureUse};
 use super::{Builder, Vertex, parse_texture};
-use crate::error::{Error, Location, Result};
-use crate::files;
+use crate::error::{Error, Location, Result, Unpacked};
 use crate::particles::cursor::Cursor;
 use crate::particles::foreign;
 
@@ -48,15 +47,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], mesh: &mut Builder<'_>) -> Result<
     if !document.animations.is_empty() {
         mesh.remark("animations are not read; the nodes are as at rest");
     }
-    let buffers = Buffers::read(path, &document, binary)?;
-    let limit = files::unpacked_limit((bytes.len() as u64).saturating_add(buffers.external));
+    let buffers = Buffers::read(path, &document, binary, mesh.budget)?;
     Reader {
         path,
         document: &document,
         buffers,
         mesh,
-        limit,
-        taken: 0,
         materials: HashMap::new(),
         images: HashMap::new(),
     }
@@ -146,9 +142,6 @@ struct Reader<'a, 'm, 'b> {
     document: &'a Document,
     buffers: Buffers<'a>,
     mesh: &'m mut Builder<'b>,
-    /// Largest memory of the mesh, bytes.
-    limit: u64,
-    taken: u64,
     /// Indices of the materials in the mesh by those in the document.
     materials: HashMap<Option<usize>, u32>,
     /// Textures by the index of their image.
@@ -161,17 +154,15 @@ impl<'a> Reader<'a, '_, '_> {
     }
 
     /// Accounts for memory and work: small files can repeat large meshes.
-    fn take(&mut self, count: usize, size: usize) -> Result<()> {
+    fn take(&self, count: usize, size: usize) -> Result<()> {
         let bytes = (count as u64).saturating_mul(size as u64);
-        self.taken = self.taken.saturating_add(bytes);
-        if self.taken <= self.limit {
-            return Ok(());
-        }
-        let problem = format!(
-            "its nodes repeat meshes until they take more than {} MiB; export fewer instances",
-            self.limit >> 20
-        );
-        Err(Error::format(self.path, problem))
+        let taken = self.mesh.budget.take(bytes, self.path, Location::Byte(0));
+        taken.map_err(|error| match error {
+            Error::TooLarge { path, location, limit, .. } => {
+                Error::TooLarge { path, location, what: Unpacked::Instances, limit }
+            }
+            error => error,
+        })
     }
 
     /// Adds the meshes of all nodes, parents before children.
@@ -457,7 +448,7 @@ impl<'a> Reader<'a, '_, '_> {
         let name = self.path.join(&part);
         let parsed = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => match embedded(uri) {
-                Some(Ok(bytes)) => parse_texture(&name, &bytes),
+                Some(Ok(bytes)) => parse_texture(&name, &bytes, self.mesh.budget),
                 Some(Err(problem)) => Err(self.error(&part, &problem)),
                 None => match file_beside(self.path, uri) {
                     Ok(path) => return self.mesh.texture(&path),
@@ -466,13 +457,10 @@ impl<'a> Reader<'a, '_, '_> {
             },
             (None, Some(view)) => {
                 let (bytes, _) = self.buffers.view(view, &part)?;
-                parse_texture(&name, bytes)
+                parse_texture(&name, bytes, self.mesh.budget)
             }
             (None, None) => Err(self.error(&part, "no `uri` and no `bufferView`")),
         };
-        if let Ok(texture) = &parsed {
-            self.take(texture.pixels().len(), size_of::<[u8; 4]>())?;
-        }
         self.mesh.texture_or_remark(parsed)
     }
 }

@@ -191,7 +191,7 @@ pub struct Files {
 
 /// The identity of a file: equal for all paths to it, by links of both kinds, also before it exists.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-enum Identity {
+pub(crate) enum Identity {
     #[cfg(unix)]
     Inode(u64, u64),
     Path(PathBuf),
@@ -199,7 +199,7 @@ enum Identity {
 
 impl Identity {
     /// `None` for anything but a regular file: several outputs may share a device.
-    fn of(path: &Path) -> Option<Self> {
+    pub(crate) fn of(path: &Path) -> Option<Self> {
         match path.metadata() {
             Ok(metadata) if !metadata.is_file() => None,
             #[cfg(unix)]

@@ -21,29 +21,32 @@ use flate2::read::MultiGzDecoder;
 use flate2::{Compression, write::GzEncoder};
 
 use super::{
-    Attribute, AttributeMap, Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar,
-    Values, foreign, houdini, narrow_id, scf, too_large,
+    Attribute, Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar, Values,
+    foreign, houdini, narrow_id, scf, too_large,
 };
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 use crate::files::DEFLATE_RATIO;
 use limpid::memory;
 
 /// Reads this format, or the one that succeeded it under the same name.
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
-    let parse = |bytes: &[u8], limit| {
+    let parse = |bytes: &[u8]| {
         let parse = if houdini::is_geometry(bytes) { houdini::parse } else { parse };
-        parse(path, bytes, reading.map, limit)
+        parse(path, bytes, reading)
     };
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        parse(&unpack(path, bytes, reading.limit)?, reading.limit)
+        parse(&unpack(path, bytes, reading.budget)?)
     } else if scf::is_container(bytes) {
-        parse(&scf::unpack(path, bytes, reading.limit)?, reading.limit)
+        parse(&scf::unpack(path, bytes, reading.budget)?)
     } else {
-        parse(bytes, u64::MAX)
+        parse(bytes)
     }
 }
 
-pub(super) fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
+/// Unpacks gzip, which takes the bytes of the budget.
+pub(super) fn unpack(path: &Path, bytes: &[u8], budget: &Budget) -> Result<Vec<u8>> {
+    let limit = budget.left();
     // Reserves the length stated in the file, as far as deflate can reach it, to avoid reallocations.
     let length = bytes.last_chunk().map_or(0, |&length| u64::from(u32::from_le_bytes(length)));
     let length = length.min(DEFLATE_RATIO.saturating_mul(bytes.len() as u64)).min(limit);
@@ -58,10 +61,7 @@ pub(super) fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
         let problem = format!("the gzip stream is damaged or cut off: {error}");
         return Err(Error::malformed(path, Location::Byte(length), problem));
     }
-    if length > limit {
-        let (path, location) = (path.to_owned(), Location::Byte(limit));
-        return Err(Error::TooLarge { path, location, what: "file", limit });
-    }
+    budget.take(length, path, Location::Byte(limit))?;
     Ok(unpacked)
 }
 
@@ -129,8 +129,9 @@ fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
     out.write_all(&[0x00, 0xff])
 }
 
-/// Parses an unpacked file; `limit` is that of its size together with the particles', bytes.
-fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Contents> {
+/// Parses an unpacked file.
+fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+    let map = reading.map;
     if !bytes.starts_with(b"BgeoV") {
         return Err(foreign(path, bytes, "a BGEO file of version 5"));
     }
@@ -142,9 +143,9 @@ fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Co
         return Err(Error::format(path, problem));
     }
     let points = count(&mut file, "the number of points")?;
-    file.take(3 * 4, "the header")?;
+    let others = file.take(3 * 4, "the header")?.iter().any(|&byte| byte != 0);
     let attributes = count(&mut file, "the number of point attributes")?;
-    file.take(3 * 4, "the header")?;
+    let others = others | file.take(3 * 4, "the header")?.iter().any(|&byte| byte != 0);
 
     let mut stride = 4 * Scalar::F32.size(); // x, y, z, and w, which is 1
     let mut named_columns = Vec::new();
@@ -173,9 +174,13 @@ fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Co
     }
 
     let table = file.table(points, stride, true, "points")?;
-    if (bytes.len() as u64).saturating_add(read.saturating_mul(points as u64)) > limit {
-        return Err(file.source.too_large(file.start, "file", limit));
+    // Without primitives, groups and details only an end of two bytes may follow.
+    let left = file.rest().strip_suffix(&[0x00, 0xff]).unwrap_or_else(|| file.rest()).len();
+    if !others && left >= stride && left.is_multiple_of(stride) {
+        let more = left / stride;
+        return Err(file.error(format!("{points} points announced, but {more} more follow")));
     }
+    file.source.take(reading.budget, read.saturating_mul(points as u64), file.start)?;
     let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
     for (name, size, columns) in &named_columns {
         match columns.as_slice() {
@@ -221,8 +226,12 @@ mod tests {
         gzip.write_all(&[0; 1000]).unwrap();
         let gzip = gzip.finish().unwrap();
         let path = Path::new("bomb.bgeo");
-        assert_eq!(unpack(path, &gzip, 1000).unwrap().len(), 1000);
-        let error = unpack(path, &gzip, 999).unwrap_err().to_string();
-        assert!(error.contains("bomb.bgeo: byte 999") && error.contains("more than"), "{error}");
+        let unpack = |limit| unpack(path, &gzip, &Budget::new(Some(limit)));
+        assert_eq!(unpack(1000).unwrap().len(), 1000);
+        let error = unpack(999).unwrap_err().to_string();
+        assert!(
+            error.contains("bomb.bgeo: byte 999: the file unpacks to more than 999"),
+            "{error}"
+        );
     }
 }

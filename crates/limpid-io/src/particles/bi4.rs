@@ -12,13 +12,16 @@
 //!
 //! Only the fluid is read: the ids of fixed, moving and floating bodies come first, and the values
 //! `CaseNfixed`, `CaseNmoving` and `CaseNfloat` tell how many they are. The radius is half of the distance
-//! `Dp` between the particles.
+//! `Dp` between the particles. The classes `JPartDataBi4` and `JPartsLoad4` give the layout: the root has the values of
+//! the case, and its item `PART_0000` the arrays, each of its value `Npok` entries. A run on several devices writes
+//! `Npiece` files a frame, `Part_p00_0000.bi4` and so on.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
 use super::arrays::DUALSPHYSICS;
+use super::remark::{Remark, Unit};
 use super::{Column, Contents, Cursor, Reading, Scalar, Table, foreign};
 use crate::error::{Error, Location, Result};
 
@@ -35,8 +38,13 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         _ => return Err(file.error(format!("expected a byte order of 0 or 1, found {order}"))),
     };
     let (values, arrays) = (HashMap::new(), Vec::new());
-    let mut file = Items { file, big_endian, wide: wide != 0, values, arrays };
+    let mut file = Items { file, big_endian, wide: wide != 0, values, arrays, items: 0 };
     file.item(0)?;
+    let left = file.file.rest().len();
+    if left > 0 {
+        file.file.start = file.file.offset;
+        return Err(file.file.error(format!("{left} bytes follow the last item")));
+    }
 
     let Items { values, arrays, .. } = file;
     let find = |name: &str| arrays.iter().find(|array| array.name == name);
@@ -44,7 +52,29 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         let problem = "no array `Pos` or `Posd`; the particles are in Part_0000.bi4 and so on";
         return Err(Error::format(path, problem));
     };
-    let fluid = fluid(find("Idpd").or_else(|| find("Idp")), &values, big_endian);
+    let places = |array: &&Array<'_>| matches!(&*array.name, "Pos" | "Posd");
+    if arrays.iter().filter(places).any(|array| array.item != positions.item) {
+        return Err(Error::format(path, "positions in several items; save each as one file"));
+    }
+    let fail = |at: usize, problem: String| {
+        Err(Error::malformed(path, Location::Byte(at as u64), problem))
+    };
+    let count = positions.count;
+    let of_particles = || arrays.iter().filter(|array| array.item == positions.item);
+    if let Some(array) = of_particles().find(|array| array.count != count) {
+        let (name, entries) = (&array.name, array.count);
+        return fail(
+            array.start,
+            format!("array {name} has {entries} entries for {count} particles"),
+        );
+    }
+    if let Some((npok, at)) = positions.particles.filter(|(npok, _)| *npok != count as f64) {
+        return fail(at, format!("Npok is {npok}, but there are {count} particles"));
+    }
+    let bodies = bodies(path, &values)?;
+    let ids = find("Idpd").or_else(|| find("Idp"));
+    let ids = ids.filter(|ids| ids.item == positions.item && ids.columns.len() == 1);
+    let fluid = ids.and_then(|ids| fluid(ids, bodies, big_endian));
     let rows = fluid.as_deref();
     let [x, y, z] = *positions.columns.as_slice() else {
         let problem = "expected positions of three numbers";
@@ -52,8 +82,13 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     };
     let table = positions.table(path, bytes, big_endian, rows);
     let mut contents = Contents::from(table.particles([x, y, z])?);
+    if ids.is_none() && bodies > 0.0 {
+        let problem = "without ids (Idp), fixed and moving particles cannot be told from the fluid";
+        let array = "CaseNfixed".into();
+        contents.remarks.push(Remark::Unusable { array, problem: problem.into() });
+    }
     for array in arrays.iter().filter(|array| !std::ptr::eq(*array, positions)) {
-        if array.count == positions.count && !array.columns.is_empty() {
+        if array.item == positions.item && !array.columns.is_empty() {
             let table = array.table(path, bytes, big_endian, rows);
             contents.take(reading.map, &array.name, &table, &array.columns)?;
         } else {
@@ -61,28 +96,54 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         }
     }
     contents.up = Some(DUALSPHYSICS);
-    let spacing = values.get("Dp").copied().unwrap_or(0.0);
-    if contents.particles.radii.is_none() && spacing > 0.0 && (spacing as f32).is_finite() {
+    let (spacing, at) = values.get("Dp").copied().unwrap_or_default();
+    if !(spacing as f32).is_finite() || spacing < 0.0 {
+        return fail(at, format!("Dp is {spacing}, expected the distance between the particles"));
+    }
+    if contents.particles.radii.is_none() && spacing > 0.0 {
         contents.particles.radii = Some(vec![spacing as f32 / 2.0; contents.particles.len()]);
+    }
+    let pieces = values.get("Npiece").map_or(1.0, |(pieces, _)| *pieces);
+    if pieces > 1.0 {
+        let total = pieces as u64;
+        contents.remarks.push(Remark::Partial { found: 1, total, unit: Unit::Files });
     }
     Ok(contents)
 }
 
-/// The rows of the fluid; `None` if that is all.
-fn fluid(
-    ids: Option<&Array<'_>>,
-    values: &HashMap<String, f64>,
-    big_endian: bool,
-) -> Option<Vec<usize>> {
-    let bodies = ["CaseNfixed", "CaseNmoving", "CaseNfloat"];
-    let first: f64 = bodies.iter().filter_map(|name| values.get(*name)).sum();
-    let ids = ids.filter(|ids| ids.columns.len() == 1)?;
+/// Number of the particles of bodies, whose ids come before those of the fluid.
+fn bodies(path: &Path, values: &Values) -> Result<f64> {
+    /// Largest number that a double-precision float holds with all below.
+    const MOST: f64 = 9_007_199_254_740_992.0;
+    let mut sum = 0.0;
+    for name in ["CaseNfixed", "CaseNmoving", "CaseNfloat", "CaseNfluid"] {
+        let Some(&(count, at)) = values.get(name) else { continue };
+        if count.fract() != 0.0 || !(0.0..=MOST).contains(&count) {
+            let problem = format!("{name} is {count}, expected a count");
+            return Err(Error::malformed(path, Location::Byte(at as u64), problem));
+        }
+        sum += count;
+    }
+    let fluid = values.get("CaseNfluid").map(|(count, _)| *count);
+    let all = values.get("CaseNp").filter(|(all, _)| fluid.is_some() && *all != sum);
+    if let Some(&(all, at)) = all {
+        let problem = format!("CaseNp is {all}, but its parts sum up to {sum}");
+        return Err(Error::malformed(path, Location::Byte(at as u64), problem));
+    }
+    Ok(sum - fluid.unwrap_or(0.0))
+}
+
+/// The rows of the fluid, whose ids begin at `first`; `None` if that is all.
+fn fluid(ids: &Array<'_>, first: f64, big_endian: bool) -> Option<Vec<usize>> {
     let numbers = ids.bytes.chunks_exact(ids.columns[0].scalar.size());
     let numbers = numbers.map(|id| ids.columns[0].number(id, big_endian));
     let rows: Vec<usize> =
         numbers.enumerate().filter(|(_, id)| *id >= first).map(|(row, _)| row).collect();
     (rows.len() < ids.count).then_some(rows)
 }
+
+/// Numbers by their names, and where they are in the file.
+type Values = HashMap<String, (f64, usize)>;
 
 /// An array, with its numbers row by row.
 struct Array<'a> {
@@ -92,6 +153,10 @@ struct Array<'a> {
     count: usize,
     bytes: &'a [u8],
     start: usize,
+    /// The number of its item.
+    item: usize,
+    /// The number of particles that its item tells, `Npok`, and where.
+    particles: Option<(f64, usize)>,
 }
 
 impl<'a> Array<'a> {
@@ -128,8 +193,10 @@ struct Items<'a> {
     big_endian: bool,
     wide: bool,
     /// The values that are single numbers, of all items; the first of each name.
-    values: HashMap<String, f64>,
+    values: Values,
     arrays: Vec<Array<'a>>,
+    /// Number of items so far.
+    items: usize,
 }
 
 impl<'a> Items<'a> {
@@ -138,6 +205,8 @@ impl<'a> Items<'a> {
         if depth > DEEPEST {
             return Err(self.file.error(format!("more than {DEEPEST} items inside one another")));
         }
+        self.items += 1;
+        let number = self.items;
         self.number(Scalar::U32, "an item")?;
         self.mark("\nITEM\n")?;
         self.text("an item's name")?;
@@ -146,30 +215,36 @@ impl<'a> Items<'a> {
         self.text("a format")?;
         let arrays = self.number(Scalar::U32, "the number of arrays")? as usize;
         let items = self.number(Scalar::U32, "the number of items")? as usize;
+        let mut particles = None;
         if self.number(Scalar::U32, "the length of values")? > 0.0 {
             self.mark("\nVALUES")?;
             let values = self.number(Scalar::U32, "the number of values")? as usize;
-            (0..values).try_for_each(|_| self.value())?;
+            for _ in 0..values {
+                let value = self.value()?;
+                particles = value.filter(|(name, _)| name == "Npok").map(|(_, n)| n).or(particles);
+            }
         }
         // Each takes bytes of the file, so that the loops end with it.
-        (0..arrays).try_for_each(|_| self.array())?;
+        (0..arrays).try_for_each(|_| self.array(number, particles))?;
         (0..items).try_for_each(|_| self.item(depth + 1))
     }
 
-    fn value(&mut self) -> Result<()> {
+    /// Reads a value, and returns it if it is a number.
+    fn value(&mut self) -> Result<Option<(String, (f64, usize))>> {
         let name = self.text("a value's name")?;
         match self.kind()? {
             None => drop(self.text("a text")?),
             Some((scalar, 1)) => {
-                let number = self.number(scalar, "a value")?;
-                self.values.entry(name).or_insert(number);
+                let number = (self.number(scalar, "a value")?, self.file.start);
+                self.values.entry(name.clone()).or_insert(number);
+                return Ok(Some((name, number)));
             }
             Some((scalar, size)) => drop(self.file.take(size * scalar.size(), "a value")?),
         }
-        Ok(())
+        Ok(None)
     }
 
-    fn array(&mut self) -> Result<()> {
+    fn array(&mut self, item: usize, particles: Option<(f64, usize)>) -> Result<()> {
         self.number(Scalar::U32, "an array")?;
         self.mark("\nARRAY")?;
         let name = self.text("an array's name")?;
@@ -185,7 +260,8 @@ impl<'a> Items<'a> {
             let problem = format!("array {name}: {length} bytes, expected {count} × {stride}");
             return Err(self.file.error(problem));
         }
-        self.arrays.push(Array { name, columns, count, bytes, start: self.file.start });
+        let start = self.file.start;
+        self.arrays.push(Array { name, columns, count, bytes, start, item, particles });
         Ok(())
     }
 

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 
 /// The bytes of a file, and the kind of its locations in messages.
@@ -19,13 +20,13 @@ impl FileBytes<'_> {
         Error::malformed(self.path, self.location(offset), problem)
     }
 
-    /// The error of a file or array that unpacks to more than `limit` bytes.
-    pub(crate) fn too_large(&self, offset: usize, what: &'static str, limit: u64) -> Error {
-        let (path, location) = (self.path.to_owned(), self.location(offset));
-        Error::TooLarge { path, location, what, limit }
+    /// Takes `bytes` of a budget for what is made of the file at `offset`.
+    pub(crate) fn take(&self, budget: &Budget, bytes: u64, offset: usize) -> Result<()> {
+        budget.take(bytes, self.path, self.location(offset))
     }
 
-    fn location(&self, offset: usize) -> Location {
+    /// The location in messages of an offset.
+    pub(crate) fn location(&self, offset: usize) -> Location {
         if self.text {
             let before = self.bytes.get(..offset).unwrap_or(self.bytes);
             Location::Line(1 + before.iter().filter(|&&byte| byte == b'\n').count() as u64)

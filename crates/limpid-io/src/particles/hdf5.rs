@@ -29,9 +29,10 @@ use super::labelled::{POSITION, canonical, vector_among};
 use super::npz::{POSITIONS, is_time, positions_among};
 use super::vtk::is_point;
 use super::{
-    Attribute, AttributeMap, Column, Contents, FileBytes, Particles, Reading, Remark, Scalar,
-    Table, attribute_names, foreign,
+    Attribute, AttributeMap, Column, Contents, FileBytes, Reading, Remark, Scalar, Table, Unit,
+    attribute_names, foreign, pieces,
 };
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result, printable};
 use crate::files::{self, DEFLATE_RATIO};
 use limpid::memory;
@@ -43,7 +44,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     // The decoder keeps a copy of the file.
     let mut copy = memory::reserve(bytes.len(), path.display())?;
     copy.extend_from_slice(bytes);
-    let mut archive = Archive::new(path, bytes.len() as u64, reading.limit, reading.map);
+    let mut archive = Archive::new(path, bytes.len() as u64, reading.budget, reading.map);
     // It is young (0.47), and some of its sums are unchecked: with overflow checks a damaged file could end
     // the program.
     files::catch_panics(path, || {
@@ -67,7 +68,8 @@ pub(super) fn steps(path: &Path) -> Result<Steps> {
     let one = || Steps { count: 1, ..Steps::default() };
     let (file, metadata) = files::open(path)?;
     let (length, map) = (metadata.len(), AttributeMap::default());
-    let mut archive = Archive::new(path, length, files::unpacked_limit(length), &map);
+    let budget = Budget::of_length(None, length);
+    let mut archive = Archive::new(path, length, &budget, &map);
     let found = files::catch_panics(path, || archive.in_parts(file, Archive::steps));
     Ok(found.unwrap_or_else(|_| one()))
 }
@@ -81,21 +83,19 @@ pub(super) fn read_step(
 ) -> Result<Contents> {
     let (file, metadata) = files::open(path)?;
     let length = metadata.len();
-    let limit = limit.unwrap_or_else(|| files::unpacked_limit(length));
-    let mut archive = Archive::new(path, length, limit, map);
+    let budget = Budget::of_length(limit, length);
+    let mut archive = Archive::new(path, length, &budget, map);
     archive.step = Some(step);
     files::catch_panics(path, || archive.in_parts(file, Archive::read))
 }
 
-/// A file, with a limit of its unpacked size.
+/// A file.
 struct Archive<'a> {
     path: &'a Path,
     /// Size of the file, bytes.
     packed: u64,
-    /// Limit of the unpacked arrays and the attributes read from them, bytes.
-    limit: u64,
-    /// Their size so far, bytes.
-    used: u64,
+    /// For the unpacked arrays and the attributes read from them.
+    budget: &'a Budget,
     map: &'a AttributeMap,
     /// The step to read of several.
     step: Option<usize>,
@@ -141,8 +141,8 @@ struct Body {
 }
 
 impl<'a> Archive<'a> {
-    fn new(path: &'a Path, packed: u64, limit: u64, map: &'a AttributeMap) -> Self {
-        Self { path, packed, limit, used: 0, map, step: None, links: Vec::new() }
+    fn new(path: &'a Path, packed: u64, budget: &'a Budget, map: &'a AttributeMap) -> Self {
+        Self { path, packed, budget, map, step: None, links: Vec::new() }
     }
 
     /// Opens a file in memory, which is changed so that the decoder knows it.
@@ -157,15 +157,16 @@ impl<'a> Archive<'a> {
         file: files::File,
         read: impl Fn(&mut Self, &File) -> Result<T>,
     ) -> Result<T> {
+        let used = self.budget.used();
         let source = ReadSeekSource::new(file).map_err(hdf5_pure::Error::Format);
         let opened = source.and_then(File::from_source);
         let opened = opened.map_err(|error| self.damaged("/", &error));
         if let Ok(found) = opened.and_then(|file| read(self, &file)) {
             return Ok(found);
         }
-        self.used = 0;
+        self.budget.rewind(used);
         let mut bytes = Vec::new();
-        files::read(self.path, |_| self.limit, &mut bytes)?;
+        files::read(self.path, |_| self.budget.limit(), &mut bytes)?;
         let file = self.adapted(bytes)?;
         read(self, &file)
     }
@@ -181,7 +182,12 @@ impl<'a> Archive<'a> {
         }
         if has("PartType0") {
             let members = self.members("PartType0", &group("PartType0")?)?;
-            return self.take("PartType0", &members, &[]);
+            let header = has("Header").then(|| group("Header")).transpose()?;
+            let found = self.rows_of(&members);
+            let remark = header.map(|header| self.snapshot(&header, found)).transpose()?.flatten();
+            let mut contents = self.take("PartType0", &members, &[])?;
+            contents.remarks.extend(remark);
+            return Ok(contents);
         }
         if has("particles") {
             let bodies = self.bodies(&group("particles")?)?;
@@ -306,6 +312,40 @@ impl<'a> Archive<'a> {
         Error::malformed(self.path, Location::Byte(0), problem)
     }
 
+    /// Compares the header of a snapshot with the number of particles that were read; returns a remark if other files
+    /// have the rest of them.
+    fn snapshot(&self, header: &Group, found: usize) -> Result<Option<Remark>> {
+        let attributes = header.attrs().map_err(|error| self.damaged("Header", &error))?;
+        // The first kind is the one that is read.
+        let first = |name: &str| -> Option<i64> {
+            attributes.get(name).and_then(AttrValue::to_i64s)?.first().copied()
+        };
+        let fail = |problem: String| Error::malformed(self.path, Location::Byte(0), problem);
+        if let Some(said) = first("NumPart_ThisFile").filter(|&said| said != found as i64) {
+            let problem = format!("NumPart_ThisFile is {said}, but there are {found} particles");
+            return Err(fail(problem));
+        }
+        let files = first("NumFilesPerSnapshot").unwrap_or(1);
+        let high = first("NumPart_Total_HighWord").unwrap_or(0);
+        let total = first("NumPart_Total");
+        let total = total.map(|low| low.saturating_add(high.saturating_mul(1 << 32)));
+        let found = found as u64;
+        Ok(match total.map(u64::try_from) {
+            Some(Err(_)) => return Err(fail("NumPart_Total is less than 0".into())),
+            Some(Ok(total)) if total < found => {
+                let problem = format!("NumPart_Total is {total}, but there are {found} particles");
+                return Err(fail(problem));
+            }
+            Some(Ok(total)) => {
+                (total > found).then_some(Remark::Partial { found, total, unit: Unit::Particles })
+            }
+            None => u64::try_from(files)
+                .ok()
+                .filter(|&files| files > 1)
+                .map(|total| Remark::Partial { found: 1, total, unit: Unit::Files }),
+        })
+    }
+
     /// Reads VTKHDF (Kitware, "VTKHDF file format", version 2).
     fn vtkhdf(&mut self, group: &Group) -> Result<Contents> {
         let place = "VTKHDF";
@@ -367,11 +407,19 @@ impl<'a> Archive<'a> {
             let points = self.numbers(place, connectivity)?;
             own_cells = points.iter().enumerate().all(|(k, &point)| point == k as f64);
         }
+        // One number for each part.
+        let counts = members.iter().find(|m| m.name == "NumberOfPoints" && m.is_column());
+        let counts = counts.map(|counts| self.numbers(place, counts)).transpose()?;
+        let said = counts.map(|counts| counts.iter().fold(0.0, |sum, n| sum + n));
         members.retain(|member| member.name == "Points");
         if let Some(data) = data {
             members.extend(self.members("VTKHDF/PointData", &data)?);
         }
         let rows = members.first().map_or(0, Member::rows);
+        if let Some(said) = said.filter(|&said| said != rows as f64) {
+            let problem = format!("NumberOfPoints is {said}, but there are {rows} points");
+            return Err(Error::malformed(self.path, Location::Byte(0), problem));
+        }
         let mut ignored = Vec::new();
         if let Some(data) = cell_data {
             for member in self.members("VTKHDF/CellData", &data)? {
@@ -424,20 +472,12 @@ impl<'a> Archive<'a> {
             let problem = format!("only solids ({}), no liquid", names.join(", "));
             return Err(Error::format(self.path, problem));
         }
-        let mut contents: Option<Contents> = None;
         let mut parts = Vec::new();
         for body in &liquids {
-            let mut part = self.take(&body.place, &body.members, body.velocity)?;
-            parts.push(std::mem::take(&mut part.particles));
-            contents.get_or_insert(part);
+            let part = self.take(&body.place, &body.members, body.velocity)?;
+            parts.push((body.name.clone(), part));
         }
-        let mut contents = contents.unwrap_or_default();
-        let count: usize = parts.iter().map(Particles::len).sum();
-        memory::probe(count.saturating_mul(Particles::MATCHED), self.path.display())?;
-        contents.particles = match parts.len() {
-            1 => parts.remove(0),
-            _ => Particles::joined(&parts),
-        };
+        let mut contents = pieces::joined(self.path, parts)?;
         for body in &solids {
             let count = self.positions_of(&body.members).map_or(0, |(_, places)| places.rows);
             contents.list(&body.name, &[count, 3], None);
@@ -536,6 +576,11 @@ impl<'a> Archive<'a> {
         let shape = members[*columns.first()?].shape.as_slice();
         let alike = columns.iter().all(|&at| members[at].shape == shape);
         Some((columns, Places::of_columns(shape))).filter(|_| alike || shape.len() == 1)
+    }
+
+    /// Number of the positions in a group.
+    fn rows_of(&self, members: &[Member]) -> usize {
+        self.positions_of(members).map_or(0, |(_, places)| places.rows)
     }
 
     /// Reads positions and attributes from the arrays of a group; `velocity` names the columns of the
@@ -754,12 +799,7 @@ impl<'a> Archive<'a> {
 
     /// Counts the bytes read from the file; fails beyond the limit.
     fn count(&mut self, path: &Path, bytes: u64) -> Result<()> {
-        self.used = self.used.saturating_add(bytes);
-        if self.used <= self.limit {
-            return Ok(());
-        }
-        let (path, location, limit) = (path.to_owned(), Location::Byte(0), self.limit);
-        Err(Error::TooLarge { path, location, what: "file", limit })
+        self.budget.take(bytes, path, Location::Byte(0))
     }
 
     fn damaged(&self, place: &str, error: &hdf5_pure::Error) -> Error {

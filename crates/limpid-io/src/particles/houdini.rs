@@ -19,7 +19,8 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::cursor::FileBytes;
-use super::{Attribute, AttributeMap, Column, Contents, POSITION_BYTES, Table, foreign};
+use super::{Attribute, Column, Contents, POSITION_BYTES, Reading, Table, foreign};
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 use limpid::memory;
 
@@ -30,13 +31,14 @@ pub(super) fn is_geometry(bytes: &[u8]) -> bool {
     json::is_binary(bytes) || bytes.trim_ascii_start().starts_with(b"[")
 }
 
-/// Parses an unpacked file; `limit` is that of its size together with the particles', bytes.
-pub(super) fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Contents> {
+/// Parses an unpacked file.
+pub(super) fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+    let Reading { budget, map, .. } = *reading;
     if !is_geometry(bytes) {
         return Err(foreign(path, bytes, "Houdini's geometry"));
     }
     let source = FileBytes { path, bytes, text: !json::is_binary(bytes) };
-    let document = json::parse(source)?;
+    let document = json::parse(source, budget)?;
     let fail = |problem: &str| Err(Error::malformed(path, Location::Byte(0), problem));
     let Some(points) = document.get("pointcount").and_then(Value::count) else {
         return fail("no number `pointcount`: not a geometry of Houdini");
@@ -57,9 +59,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -
         .collect();
     let wanted = attributes.iter().filter_map(|attribute| map.attribute_of(&attribute.name));
     let read = wanted.map(Attribute::bytes).fold(POSITION_BYTES, u64::saturating_add);
-    if (bytes.len() as u64).saturating_add(read.saturating_mul(points as u64)) > limit {
-        return Err(source.too_large(0, "file", limit));
-    }
+    source.take(budget, read.saturating_mul(points as u64), 0)?;
 
     let Some(positions) = attributes.iter().find(|attribute| attribute.name == "P") else {
         return fail("no point attribute `P`");
@@ -67,7 +67,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -
     if !matches!(positions.size(), 3 | 4) {
         return fail(&format!("attribute P: {} numbers a point, expected 3", positions.size()));
     }
-    let (table, columns) = positions.table(source, points)?;
+    let (table, columns) = positions.table(source, points, budget)?;
     // A fourth number is 1.
     let mut contents = Contents::from(table.particles([columns[0], columns[1], columns[2]])?);
     let mut tried = Vec::new();
@@ -77,7 +77,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -
             // The first of several, since each may repeat a few numbers for all points.
             Some(kind) if size == numbers(kind) && !tried.contains(&kind) => {
                 tried.push(kind);
-                let (table, columns) = attribute.table(source, points)?;
+                let (table, columns) = attribute.table(source, points, budget)?;
                 contents.take(map, name, &table, &columns)?;
             }
             _ if size < 2 => contents.list(name, &[points], None),
@@ -125,6 +125,7 @@ impl PointAttribute<'_> {
         &'t self,
         source: FileBytes<'t>,
         points: usize,
+        budget: &Budget,
     ) -> Result<(Table<'t>, Vec<Column>)> {
         let get = |name| self.values.get(name);
         let size = self.size();
@@ -153,6 +154,9 @@ impl PointAttribute<'_> {
             return Err(self.error(source, &problem));
         }
         let Numbers { bytes, scalar, big_endian, start } = numbers;
+        if let Cow::Owned(bytes) = &bytes {
+            source.take(budget, bytes.len() as u64, self.offset(source))?;
+        }
         let start = if source.text { self.offset(source) } else { start };
         let stride = size * scalar.size();
         // Locations are that of the array alone, if it is not stored row by row.

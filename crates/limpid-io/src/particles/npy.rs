@@ -18,6 +18,7 @@ use std::path::Path;
 
 use super::axes::{Grid, Places};
 use super::{Contents, Cursor, FileBytes, Particles, Reading, Scalar, foreign, write_numbers};
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::files::{self, File as InputFile};
 use limpid::memory;
@@ -35,6 +36,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
         _ => return Err(super::several(path)),
     }
     let numbers = file.take_records(header.grid.rows(), header.grid.row_bytes(), "positions")?;
+    let left = file.rest().len();
+    if left > 0 {
+        let shape: Vec<String> = header.grid.sizes.iter().map(usize::to_string).collect();
+        let problem = format!("{left} bytes follow the array of shape ({})", shape.join(", "));
+        return Err(file.source.error(file.offset, problem));
+    }
     header.contents(path, &places, 0, file.start, numbers)
 }
 
@@ -63,10 +70,8 @@ pub(super) fn read_step(path: &Path, step: usize, limit: Option<u64>) -> Result<
         let problem = format!("step {step} of {} lies beyond the end of the file", places.steps);
         return Err(cursor.error(problem));
     }
-    let limit = limit.unwrap_or_else(|| files::unpacked_limit(size as u64));
-    if size as u64 > limit {
-        return Err(cursor.source.too_large(cursor.offset, "array", limit));
-    }
+    let budget = Budget::of_length(limit, size as u64);
+    cursor.source.take(&budget, size as u64, cursor.offset)?;
     let mut bytes = memory::zeroed(size, path.display())?;
     file.seek(SeekFrom::Start(from)).map_err(fail)?;
     let read = file.read_exact(&mut bytes);

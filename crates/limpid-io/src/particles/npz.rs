@@ -15,6 +15,7 @@ use super::{
     Attribute, AttributeMap, Column, Contents, Cursor, FileBytes, Particles, Reading, Table,
     Values, foreign, write_numbers,
 };
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result, printable};
 use crate::files::{self, DEFLATE_RATIO};
 use limpid::memory;
@@ -35,7 +36,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         return Err(foreign(path, bytes, "an archive of NumPy arrays"));
     }
     let packed = bytes.len() as u64;
-    let mut archive = Members::open(path, io::Cursor::new(bytes), packed, reading.limit)?;
+    let mut archive = Members::open(path, io::Cursor::new(bytes), packed, reading.budget)?;
     let headers = archive.headers()?;
     let (positions, places) = find_positions(path, reading.map, &archive.arrays, &headers)?;
     match places.steps {
@@ -50,9 +51,9 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
 pub(super) fn steps(path: &Path) -> Result<(usize, Vec<f64>)> {
     let (file, metadata) = files::open(path)?;
     let length = metadata.len();
-    let limit = files::unpacked_limit(length);
+    let budget = Budget::of_length(None, length);
     let find = || {
-        let mut archive = Members::open(path, BufReader::new(file), length, limit).ok()?;
+        let mut archive = Members::open(path, BufReader::new(file), length, &budget).ok()?;
         let headers = archive.headers().ok()?;
         let found = find_positions(path, &AttributeMap::default(), &archive.arrays, &headers);
         let steps = found.ok()?.1.steps;
@@ -71,8 +72,8 @@ pub(super) fn read_step(
 ) -> Result<Contents> {
     let (file, metadata) = files::open(path)?;
     let length = metadata.len();
-    let limit = limit.unwrap_or_else(|| files::unpacked_limit(length));
-    let mut archive = Members::open(path, BufReader::new(file), length, limit)?;
+    let budget = Budget::of_length(limit, length);
+    let mut archive = Members::open(path, BufReader::new(file), length, &budget)?;
     let headers = archive.headers()?;
     let (positions, places) = find_positions(path, map, &archive.arrays, &headers)?;
     if step >= places.steps {
@@ -189,7 +190,7 @@ fn broadcast<'a>(
     }
 }
 
-/// An archive, with a limit of its unpacked size.
+/// An archive.
 struct Members<'a, R> {
     path: &'a Path,
     archive: ZipArchive<R>,
@@ -197,14 +198,12 @@ struct Members<'a, R> {
     arrays: Vec<(usize, String)>,
     /// Size of the file, bytes.
     packed: u64,
-    /// Limit of the unpacked members and the attributes read from them, bytes.
-    limit: u64,
-    /// Their size so far, bytes.
-    used: u64,
+    /// For the unpacked members and the attributes read from them.
+    budget: &'a Budget,
 }
 
 impl<'a, R: Read + Seek> Members<'a, R> {
-    fn open(path: &'a Path, file: R, packed: u64, limit: u64) -> Result<Self> {
+    fn open(path: &'a Path, file: R, packed: u64, budget: &'a Budget) -> Result<Self> {
         let mut archive = ZipArchive::new(file)
             .map_err(|error| damaged(path, &format!("the zip archive is damaged: {error}")))?;
         let mut arrays = Vec::new();
@@ -217,7 +216,7 @@ impl<'a, R: Read + Seek> Members<'a, R> {
                 arrays.push((index, name.to_owned()));
             }
         }
-        Ok(Self { path, archive, arrays, packed, limit, used: 0 })
+        Ok(Self { path, archive, arrays, packed, budget })
     }
 
     /// Reads the headers of all arrays; `None` for members without a valid one.
@@ -280,6 +279,11 @@ impl<'a, R: Read + Seek> Members<'a, R> {
             let to = if whole { usize::MAX } else { offset.saturating_add(part.end) };
             let bytes = self.unpack(at, from, to)?;
             let source = FileBytes { path: &path, bytes: &[], text: false };
+            if whole && bytes.len() > part.len() {
+                let left = bytes.len() - part.len();
+                let problem = format!("{left} bytes follow the array");
+                return Err(source.error(offset.saturating_add(part.end), problem));
+            }
             if grid.bytes().is_none() || bytes.len() < part.len() {
                 let (rows, size) = (grid.rows(), grid.row_bytes());
                 let left = bytes.len();
@@ -329,18 +333,9 @@ impl<'a, R: Read + Seek> Members<'a, R> {
         format!("{} ({name}.npy)", self.path.display()).into()
     }
 
-    fn too_large(&self, at: usize, byte: u64) -> Error {
-        let (path, location) = (self.display_path(at), Location::Byte(byte));
-        Error::TooLarge { path, location, what: "file", limit: self.limit }
-    }
-
     /// Counts the bytes read from an array; fails beyond the limit.
     fn count(&mut self, bytes: u64, at: usize) -> Result<()> {
-        self.used = self.used.saturating_add(bytes);
-        if self.used <= self.limit {
-            return Ok(());
-        }
-        Err(self.too_large(at, 0))
+        self.budget.take(bytes, &self.display_path(at), Location::Byte(0))
     }
 
     /// Unpacks the bytes of an array from one offset to another, or what there is of them. What begins at byte 0 is the header, and not
@@ -352,7 +347,7 @@ impl<'a, R: Read + Seek> Members<'a, R> {
             Error::malformed(&path, Location::Byte(byte), problem)
         };
         let index = self.arrays[at].0;
-        let left = self.limit.saturating_sub(self.used);
+        let left = self.budget.left();
         let limit = (to.saturating_sub(from) as u64).min(left.saturating_add(1));
         let mut unpacked;
         let result = {
@@ -389,11 +384,12 @@ impl<'a, R: Read + Seek> Members<'a, R> {
                 format!("the archive is damaged or cut off: {error}"),
             ));
         }
-        if unpacked.len() as u64 > left {
-            return Err(self.too_large(at, unpacked.len() as u64 - 1));
+        let found = unpacked.len() as u64;
+        if found > left {
+            return Err(self.budget.exceeded(&path, Location::Byte(found - 1)));
         }
         if from > 0 {
-            self.used += unpacked.len() as u64;
+            self.budget.take(found, &path, Location::Byte(0))?;
         }
         Ok(unpacked)
     }
@@ -444,7 +440,8 @@ mod tests {
         let bytes = zip.finish().unwrap().into_inner();
         let unpack = |limit| {
             let (path, file) = (Path::new("bomb.npz"), io::Cursor::new(&bytes[..]));
-            Members::open(path, file, bytes.len() as u64, limit).unwrap().unpack(0, 0, usize::MAX)
+            let (length, budget) = (bytes.len() as u64, Budget::new(Some(limit)));
+            Members::open(path, file, length, &budget).unwrap().unpack(0, 0, usize::MAX)
         };
         assert_eq!(unpack(1000).unwrap().len(), 1000);
         let error = unpack(999).unwrap_err().to_string();

@@ -1,8 +1,7 @@
 //! PLY (Greg Turk, "The PLY Polygon File Format", 1994): the `vertex` element, in ASCII or binary of
 //! either byte order. Velocities are `vx, vy, vz` or `velocity_x, velocity_y, velocity_z`.
 //!
-//! Elements before it are skipped, those after it are not read; other properties, including lists, are
-//! skipped.
+//! Other elements and properties, including lists, are skipped.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -52,6 +51,14 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         skip(&mut file, element, encoding)?;
     }
     let mut contents = vertices(&mut file, &elements[vertex], encoding, reading.map)?;
+    for element in elements.iter().skip(vertex + 1) {
+        skip(&mut file, element, encoding)?;
+    }
+    let left = file.rest().trim_ascii().len();
+    if left > 0 {
+        file.start = file.offset;
+        return Err(file.error(format!("{left} bytes follow the elements of the header")));
+    }
     let cells = ["face", "tristrips", "edge"];
     let cells = elements.iter().filter(|element| cells.contains(&element.name.as_str()));
     contents.cells = cells.map(|element| element.count).fold(0, usize::saturating_add);

@@ -9,17 +9,20 @@
 //! ```
 
 use std::borrow::Cow;
-use std::io::{ErrorKind, Read as _};
 use std::path::Path;
 
-use flate2::read::ZlibDecoder;
+use flate2::{Decompress, FlushDecompress, Status};
 
 use super::{Attribute, Column, Contents, Cursor, Reading, Scalar, Table, foreign};
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 use crate::files::DEFLATE_RATIO;
 use limpid::memory;
 
 pub(super) const MAGIC: &[u8] = b"\xc0PRT\r\n\x1a\n";
+
+/// The first bytes of zlib's streams with its usual settings, which are no text.
+const ZLIB: &[u8] = b"\x78\x9c";
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(MAGIC) {
@@ -40,6 +43,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     let length = count(&mut file, "the length of a channel")?;
     let (mut named_columns, mut stride, mut total) = (Vec::new(), 0_usize, 0_usize);
     for _ in 0..channels {
+        // Partio counts its attributes of text, but does not define channels for them.
+        if file.rest().starts_with(ZLIB) {
+            break;
+        }
         let definition = file.take(length.max(44), "a channel")?;
         let mut channel = Cursor { start: file.start, ..Cursor::new(path, definition, false) };
         let name = channel.take(32, "a channel")?.split(|&byte| byte == 0).next();
@@ -60,7 +67,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     }
 
     let start = file.offset;
-    let unpacked = unpack(&mut file, particles.saturating_mul(stride), reading.limit)?;
+    let unpacked = unpack(&mut file, particles.saturating_mul(stride), reading.budget)?;
     let table = Table {
         source: file.source,
         start,
@@ -89,28 +96,39 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
 }
 
 /// Unpacks the rest of a file, of this length.
-fn unpack(file: &mut Cursor<'_>, length: usize, limit: u64) -> Result<Vec<u8>> {
+fn unpack(file: &mut Cursor<'_>, length: usize, budget: &Budget) -> Result<Vec<u8>> {
     let (path, packed) = (file.source.path, file.rest());
-    if length as u64 > limit {
-        return Err(file.source.too_large(file.offset, "file", limit));
-    }
+    file.source.take(budget, length as u64, file.offset)?;
     let possible = (packed.len() as u64).saturating_mul(DEFLATE_RATIO);
     let fail =
         |problem: String| Error::malformed(path, Location::Byte(file.offset as u64), problem);
     if length as u64 > possible {
         return Err(fail(format!("{length} bytes of particles cannot be in {}", packed.len())));
     }
-    let mut unpacked = memory::reserve(length, path.display())?;
-    match ZlibDecoder::new(packed).take(length as u64).read_to_end(&mut unpacked) {
-        Err(error) if error.kind() == ErrorKind::OutOfMemory => {
-            Err(Error::io(path, "unpack", error))
-        }
-        Err(error) => Err(fail(format!("the particles are damaged or cut off: {error}"))),
-        Ok(found) if found < length => {
-            Err(fail(format!("{length} bytes of particles expected, found {found}")))
-        }
-        Ok(_) => Ok(unpacked),
+    // Without particles there may be no stream.
+    if length == 0 && packed.is_empty() {
+        return Ok(Vec::new());
     }
+    // A byte more shows whether the stream has more.
+    let mut unpacked = memory::zeroed(length.saturating_add(1), path.display())?;
+    let mut zlib = Decompress::new(true);
+    let status = zlib.decompress(packed, &mut unpacked, FlushDecompress::Finish);
+    let status = status.map_err(|error| fail(format!("the particles are damaged: {error}")))?;
+    let (found, rest) = (zlib.total_out() as usize, packed.len() as u64 - zlib.total_in());
+    let problem = match status {
+        _ if found > length => format!("more than the {length} bytes of particles that it says"),
+        Status::StreamEnd if found < length => {
+            format!("{length} bytes of particles expected, found {found}")
+        }
+        // The end has a checksum.
+        Status::Ok | Status::BufError => "the particles are cut off".into(),
+        Status::StreamEnd if rest > 0 => format!("{rest} bytes follow the particles"),
+        Status::StreamEnd => {
+            unpacked.truncate(length);
+            return Ok(unpacked);
+        }
+    };
+    Err(fail(problem))
 }
 
 fn count(file: &mut Cursor<'_>, what: &str) -> Result<usize> {

@@ -30,6 +30,29 @@ pub enum Remark {
         /// Its name in the file.
         array: String,
     },
+    /// The file is one of several that hold the particles of a frame, and the others were not read.
+    Partial {
+        /// What was read.
+        found: u64,
+        /// All there is.
+        total: u64,
+        /// What is counted.
+        unit: Unit,
+    },
+    /// The frames of a file are numbered from 0, since their time steps do not ascend.
+    Renumbered {
+        /// The first step that does not follow the one before it.
+        step: i64,
+    },
+}
+
+/// What the parts of a frame are counted by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// Files.
+    Files,
+    /// Particles.
+    Particles,
 }
 
 impl Remark {
@@ -39,6 +62,7 @@ impl Remark {
             Self::Unusable { array, .. }
             | Self::Transposed { array, .. }
             | Self::Planar { array } => array,
+            Self::Partial { .. } | Self::Renumbered { .. } => "",
         };
         (discriminant(self), name)
     }
@@ -56,6 +80,17 @@ impl fmt::Display for Remark {
             Self::Planar { array } => {
                 write!(f, "{array} has two numbers a particle: x and y, with z = 0")
             }
+            Self::Partial { found, total, unit } => {
+                let unit = match unit {
+                    Unit::Files => "files",
+                    Unit::Particles => "particles",
+                };
+                write!(f, "a part of the frame: {found} of {total} {unit}")
+            }
+            Self::Renumbered { step } => write!(
+                f,
+                "the frames are numbered from 0: the time step {step} does not follow the one before it"
+            ),
         }
     }
 }

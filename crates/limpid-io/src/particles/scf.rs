@@ -18,6 +18,7 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 
 use super::cursor::Cursor;
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 use limpid::memory;
 
@@ -25,8 +26,8 @@ pub(super) fn is_container(bytes: &[u8]) -> bool {
     bytes.starts_with(b"scf1")
 }
 
-/// Unpacks at most `limit` bytes.
-pub(super) fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
+/// Unpacks the chunks, which take their bytes of the budget.
+pub(super) fn unpack(path: &Path, bytes: &[u8], budget: &Budget) -> Result<Vec<u8>> {
     let damaged =
         |byte: usize, problem: &str| Error::malformed(path, Location::Byte(byte as u64), problem);
     const HEAD: usize = 12;
@@ -49,10 +50,7 @@ pub(super) fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
         let chunk = Head::read(head).map_err(|problem| damaged(start, &problem))?;
         file.offset = start;
         let bytes = file.take(chunk.packed, "a Blosc chunk")?;
-        if (unpacked.len() as u64).saturating_add(chunk.unpacked as u64) > limit {
-            let (path, location) = (path.to_owned(), Location::Byte(limit));
-            return Err(Error::TooLarge { path, location, what: "file", limit });
-        }
+        budget.take(chunk.unpacked as u64, path, Location::Byte(unpacked.len() as u64))?;
         memory::grow(&mut unpacked, chunk.unpacked, path.display())?;
         let before = unpacked.len();
         chunk.unpack(bytes, &mut unpacked).map_err(|problem| damaged(start, &problem))?;
@@ -251,7 +249,7 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Result<Vec<u8>> {
-        unpack(Path::new("a.bgeo.sc"), bytes, 1000)
+        unpack(Path::new("a.bgeo.sc"), bytes, &Budget::new(Some(1000)))
     }
 
     /// BloscLZ: literal bytes, a match, and one that copies itself; LZ4; shuffled and stored bytes.

@@ -4,7 +4,8 @@
 use std::io::{self, BufRead, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use super::{Contents, ReadOptions, Reading, by_content, hdf5, npy, npz};
+use super::{Contents, ReadOptions, Reading, Remark, by_content, hdf5, npy, npz};
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 use crate::{files, vtk_lists};
 use limpid::memory;
@@ -20,6 +21,9 @@ pub enum Section {
         length: u64,
         /// Number of lines before it.
         lines: u64,
+        /// The first time step in the file that does not follow the one before it, for which the frames are
+        /// numbered from 0 instead of by their steps.
+        unordered: Option<i64>,
     },
     /// A time step of arrays, from 0.
     Step(usize),
@@ -29,6 +33,8 @@ pub enum Section {
 pub(crate) struct Trajectory {
     /// Their numbers, ascending, and where they are.
     pub(crate) frames: Vec<(i64, Section)>,
+    /// Whether the file has more than one, of which some may be the same.
+    several: bool,
     /// Frames per second, if the file has even times.
     pub(crate) fps: Option<f64>,
 }
@@ -43,8 +49,10 @@ pub(crate) fn read_section(
     options: &ReadOptions,
 ) -> Result<Contents> {
     let contents = match (section, kind_of(path)) {
-        (Section::Text { start, length, lines }, _) => {
-            read_text(path, start, length, lines, options)
+        (Section::Text { start, length, lines, unordered }, _) => {
+            let mut contents = read_text(path, Text { start, length, lines }, options)?;
+            contents.remarks.extend(unordered.map(|step| Remark::Renumbered { step }));
+            Ok(contents)
         }
         (Section::Step(step), Some(Kind::Npy)) => npy::read_step(path, step, options.max_unpacked),
         (Section::Step(step), Some(Kind::Npz)) => {
@@ -58,18 +66,22 @@ pub(crate) fn read_section(
     }
 }
 
-fn read_text(
-    path: &Path,
+/// A part of a text file: [`Section::Text`].
+#[derive(Clone, Copy)]
+struct Text {
     start: u64,
     length: u64,
     lines: u64,
-    options: &ReadOptions,
-) -> Result<Contents> {
+}
+
+fn read_text(path: &Path, text: Text, options: &ReadOptions) -> Result<Contents> {
+    let Text { start, length, lines } = text;
     let fail = |source| Error::io(path, "read", source);
     let format = by_content::of_file(path)?.format;
     let (mut file, metadata) = files::open(path)?;
-    let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(length));
-    if length > limit {
+    let budget = Budget::of_length(options.max_unpacked, length);
+    if length > budget.limit() {
+        let limit = budget.limit();
         let problem = format!("a frame of {length} bytes, expected at most {limit}");
         return Err(Error::format(path, problem));
     }
@@ -79,7 +91,7 @@ fn read_text(
     let read = file.read_exact(&mut bytes);
     files::unchanged(path, &file, &metadata)?;
     read.map_err(fail)?;
-    let contents = format.parse(path, &bytes, &Reading { limit, map: &options.map });
+    let contents = format.parse(path, &bytes, &Reading::new(options, &budget));
     contents.map_err(|error| match error {
         Error::Malformed { path, location: Location::Line(line), problem } => {
             Error::Malformed { path, location: Location::Line(lines + line), problem }
@@ -137,7 +149,7 @@ pub(crate) fn frames_of(path: &Path) -> Result<Option<Trajectory>> {
             steps(count, &numbers, &times)
         }
     };
-    Ok(Some(trajectory).filter(|trajectory| trajectory.frames.len() > 1))
+    Ok(Some(trajectory).filter(|trajectory| trajectory.several))
 }
 
 /// The frames of time steps, with their numbers, if they ascend, and their times.
@@ -148,18 +160,20 @@ fn steps(count: usize, numbers: &[i64], times: &[f64]) -> Trajectory {
     let ascend = numbers.len() == count && numbers.array_windows().all(|[a, b]| a < b);
     let number = |step: usize| if ascend { numbers[step] } else { step as i64 };
     Trajectory {
+        several: count > 1,
         frames: (0..count).map(|step| (number(step), Section::Step(step))).collect(),
         fps: vtk_lists::rate(times).filter(|_| times.len() == count),
     }
 }
 
-/// Finds the frames of a text file by a function that skips one and returns its number, if it has one. A step that is
-/// there twice in a row, as at the start of a continued run, counts once.
+/// Finds the frames of a text file by a function that skips one and returns its number, if it has one. A frame that is
+/// there twice in a row, as at the start of a continued run, counts once; numbers that do not ascend are replaced.
 fn scan(path: &Path, skip: impl Fn(&mut Scan<'_>) -> Result<Option<i64>>) -> Result<Trajectory> {
     let (file, _) = files::open(path)?;
     let mut scan =
         Scan { path, file: BufReader::with_capacity(1 << 20, file), offset: 0, lines: 0 };
-    let mut frames: Vec<(i64, Section)> = Vec::new();
+    let mut frames: Vec<(i64, Text)> = Vec::new();
+    let mut several = false;
     loop {
         scan.skip_blank_lines()?;
         let (start, lines) = (scan.offset, scan.lines);
@@ -171,18 +185,50 @@ fn scan(path: &Path, skip: impl Fn(&mut Scan<'_>) -> Result<Option<i64>>) -> Res
         if scan.offset == start {
             break;
         }
-        let section = Section::Text { start, length: scan.offset - start, lines };
+        let section = Text { start, length: scan.offset - start, lines };
         let number = number.unwrap_or(frames.len() as i64);
-        if frames.last().is_some_and(|(last, _)| *last == number) {
+        several = !frames.is_empty();
+        if let Some((last, before)) = frames.last()
+            && *last == number
+            && are_same(path, *before, section)?
+        {
             continue;
         }
         memory::grow(&mut frames, 1, path.display())?;
         frames.push((number, section));
     }
-    if !frames.is_sorted_by_key(|(number, _)| *number) {
+    let unordered =
+        frames.array_windows().find(|[(a, _), (b, _)]| a >= b).map(|[_, (step, _)]| *step);
+    if unordered.is_some() {
         (0..).zip(&mut frames).for_each(|(new, (number, _))| *number = new);
     }
-    Ok(Trajectory { frames, fps: None })
+    let frames = frames.into_iter().map(|(number, Text { start, length, lines })| {
+        (number, Section::Text { start, length, lines, unordered })
+    });
+    Ok(Trajectory { frames: frames.collect(), several, fps: None })
+}
+
+/// Whether two parts of a file have the same bytes.
+fn are_same(path: &Path, a: Text, b: Text) -> Result<bool> {
+    const BLOCK: usize = 1 << 16;
+    if a.length != b.length || !files::READS_PARTS {
+        return Ok(false);
+    }
+    let (file, _) = files::open(path)?;
+    let mut blocks = [vec![0; BLOCK], vec![0; BLOCK]];
+    let mut offset = 0;
+    while offset < a.length {
+        let length = (a.length - offset).min(BLOCK as u64) as usize;
+        for (block, start) in blocks.iter_mut().zip([a.start, b.start]) {
+            let read = files::read_at(&file, &mut block[..length], start + offset);
+            read.map_err(|source| Error::io(path, "read", source))?;
+        }
+        if blocks[0][..length] != blocks[1][..length] {
+            return Ok(false);
+        }
+        offset += length as u64;
+    }
+    Ok(true)
 }
 
 /// A scan through the lines of a file.

@@ -10,13 +10,13 @@
 
 use std::path::Path;
 
-use super::{Column, Contents, Cursor, Reading, Scalar, bgeo, foreign};
+use super::{Column, Contents, Cursor, POSITION_BYTES, Reading, Scalar, bgeo, foreign};
 use crate::error::{Error, Result};
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     let unpacked;
     let bytes = if bytes.starts_with(&[0x1f, 0x8b]) {
-        unpacked = bgeo::unpack(path, bytes, reading.limit / 2)?;
+        unpacked = bgeo::unpack(path, bytes, reading.budget)?;
         &unpacked
     } else {
         bytes
@@ -32,14 +32,22 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     }
     let mut file = Cursor::new(path, bytes, false);
     file.take(4, "the magic")?;
-    let particles = file.array("the number of particles").map(u32::from_le_bytes)?;
+    let particles = file.array("the number of particles").map(i32::from_le_bytes)?;
+    let particles = usize::try_from(particles)
+        .map_err(|_| file.error(format!("{particles} particles, expected 0 or more")))?;
     file.take(4 * 4, "the header")?;
     let size = file.array("the size of a particle").map(u32::from_le_bytes)?;
     if size != 16 {
         return Err(file.error(format!("expected particles of 16 bytes, found {size}")));
     }
     file.take(256 + 8, "the header")?;
-    let table = file.table(particles as usize, 16, false, "particles")?;
+    let table = file.table(particles, 16, false, "particles")?;
+    let left = file.rest().len();
+    if left > 0 {
+        file.start = file.offset;
+        return Err(file.error(format!("{left} bytes follow the {particles} particles")));
+    }
+    file.source.take(reading.budget, POSITION_BYTES * table.rows as u64, table.start)?;
     let particles = table.particles(Column::triple(Scalar::F32))?;
     /// Flags of particles that are to be deleted, and of those that are gone.
     const GONE: u32 = 1 << 10 | 1 << 30;

@@ -37,6 +37,16 @@ impl<'a> Values<'a> {
         }
     }
 
+    /// Memory of the values.
+    pub(super) fn bytes(self) -> usize {
+        match self {
+            Self::Integers(values) => size_of_val(values),
+            Self::Floats(values) => size_of_val(values),
+            Self::Vectors(values) => size_of_val(values),
+            Self::Ellipsoids(values) => size_of_val(values),
+        }
+    }
+
     /// Column names of an attribute, for formats with one column per number.
     pub(super) fn column_names(self, name: &str) -> Vec<String> {
         match self {

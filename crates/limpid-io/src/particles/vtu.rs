@@ -32,6 +32,7 @@ use super::{
     Attribute, AttributeMap, Column, Contents, FileBytes, MOST_LISTED, POSITION_BYTES, Reading,
     Scalar, Table, foreign,
 };
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use limpid::memory;
 
@@ -39,24 +40,19 @@ pub(crate) use write::write;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     let source = FileBytes { path, bytes, text: false };
-    let (limit, map) = (reading.limit, reading.map);
+    let (budget, map) = (reading.budget, reading.map);
     let document = Document::read(source, map)?;
     let mut merged: Vec<Merged<'_>> = Vec::new();
-    // The size of the unpacked arrays and of the attributes read from them. Arrays may share their
-    // bytes, so nothing in the file bounds the sum.
-    let mut unpacked = 0_u64;
-    let points_of_cells = document.points_of_cells(limit);
+    let points_of_cells = document.points_of_cells(budget);
     let mut ignored = document.ignored.clone();
     for array in &document.arrays {
         if array.section == Section::CellData && points_of_cells.is_none() {
             ignore(&mut ignored, array.name.clone(), [array.rows, array.size]);
             continue;
         }
-        let (scalar, data) = document.decode(array, limit)?;
-        unpacked = unpacked.saturating_add(data.len() as u64 + array.read_bytes(map));
-        if unpacked > limit {
-            return Err(source.too_large(array.start, "file", limit));
-        }
+        // Arrays may share their bytes, so nothing in the file bounds the sum.
+        let (scalar, data) = document.decode(array, budget)?;
+        source.take(budget, array.read_bytes(map), array.start)?;
         // A piece has one array of points, which may have any name.
         let same = |m: &&mut Merged<'_>| {
             m.section == array.section && (m.section == Section::Points || m.name == array.name)
@@ -120,7 +116,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
                 let shape = [*rows, *size];
                 contents.list(name, if *size == 1 { &shape[..1] } else { &shape }, None);
             }
-            contents.cells = document.cells.saturating_add(document.cells_by_type(limit));
+            contents.cells = document.cells.saturating_add(document.cells_by_type(budget));
             Ok(contents)
         }
         None if document.rows == 0 => Ok(Contents::default()),
@@ -332,11 +328,15 @@ impl<'a> Document<'a> {
                 _ => {}
             }
         }
-        if opened && (closed || document.appended.is_some()) {
+        closed |=
+            document.appended.is_some() && source.bytes.trim_ascii_end().ends_with(b"</VTKFile>");
+        if opened && closed {
             return Ok(document);
         }
         if opened {
-            return Err(source.error(document.end, "the file ends before </VTKFile>"));
+            return Err(
+                source.error(source.bytes.len(), "the file ends before </VTKFile>: cut off")
+            );
         }
         if source.bytes.starts_with(b"<?xml") {
             let problem = "this is XML, but not VTK's: it has no <VTKFile>";
@@ -379,17 +379,18 @@ impl<'a> Document<'a> {
 
     /// The point of each cell, if there is one vertex cell for each point; `None` for other cells. What cannot be decoded
     /// is none, since the particles do not depend on it.
-    fn points_of_cells(&self, limit: u64) -> Option<Vec<usize>> {
+    fn points_of_cells(&self, budget: &Budget) -> Option<Vec<usize>> {
         let has_data = self.arrays.iter().any(|array| array.section == Section::CellData);
         let one_each = self.pieces.iter().all(|[points, cells]| points == cells);
         let known = self.connectivity.len() == self.pieces.len();
-        if !has_data || !one_each || !known || self.cells > 0 || self.cells_by_type(limit) > 0 {
+        if !has_data || !one_each || !known || self.cells > 0 || self.cells_by_type(budget) > 0 {
             return None;
         }
-        let (mut order, mut first, mut left) = (Vec::new(), 0, limit);
+        // Pieces may share their bytes, which are counted for this alone.
+        let budget = Budget::new(Some(budget.left()));
+        let (mut order, mut first) = (Vec::new(), 0);
         for (array, [points, _]) in self.connectivity.iter().zip(&self.pieces) {
-            let (scalar, bytes) = self.decode(array, left).ok()?;
-            left = left.checked_sub(bytes.len() as u64)?;
+            let (scalar, bytes) = self.decode(array, &budget).ok()?;
             let column = Column { offset: 0, scalar };
             memory::grow(&mut order, *points, self.source.path.display()).ok()?;
             for bytes in bytes.chunks_exact(scalar.size()) {
@@ -403,15 +404,11 @@ impl<'a> Document<'a> {
 
     /// Counts the cells with several points by their types. Types that cannot be decoded are ignored,
     /// since the particles do not depend on them.
-    fn cells_by_type(&self, limit: u64) -> usize {
-        // Pieces may share their bytes.
-        let mut left = limit;
+    fn cells_by_type(&self, budget: &Budget) -> usize {
+        // Pieces may share their bytes, which are counted for this alone.
+        let budget = Budget::new(Some(budget.left()));
         let others = self.types.iter().map(|array| {
-            if left == 0 {
-                return 0;
-            }
-            let Ok((scalar, bytes)) = self.decode(array, left) else { return 0 };
-            left = left.saturating_sub(bytes.len() as u64);
+            let Ok((scalar, bytes)) = self.decode(array, &budget) else { return 0 };
             let column = Column { offset: 0, scalar };
             let records = bytes.chunks_exact(scalar.size());
             let points = records.filter(|x| is_point(column.integer(x, self.big_endian)));
@@ -420,8 +417,8 @@ impl<'a> Document<'a> {
         others.fold(0, usize::saturating_add)
     }
 
-    /// Decodes an array to numbers in the file's byte order, and their type.
-    fn decode(&self, array: &Array, limit: u64) -> Result<(Scalar, Cow<'a, [u8]>)> {
+    /// Decodes an array to numbers in the file's byte order, which are taken of the budget, and their type.
+    fn decode(&self, array: &Array, budget: &Budget) -> Result<(Scalar, Cow<'a, [u8]>)> {
         let error = |problem: String| {
             self.source.error(array.start, format!("array {}: {problem}", array.name))
         };
@@ -430,7 +427,9 @@ impl<'a> Document<'a> {
         let slice = |range: &Range<usize>| self.source.bytes.get(range.clone()).unwrap_or_default();
         let encoded = match &array.data {
             Data::Ascii(range) => {
-                return self.ascii(array, slice(range)).map(|(scalar, data)| (scalar, data.into()));
+                let (scalar, data) = self.ascii(array, slice(range))?;
+                self.source.take(budget, data.len() as u64, array.start)?;
+                return Ok((scalar, data.into()));
             }
             Data::Base64(range) => Encoded { base64: true, bytes: slice(range).trim_ascii() },
             &Data::Appended(offset) => {
@@ -449,14 +448,14 @@ impl<'a> Document<'a> {
         memory::probe(length.min(encoded.bytes.len()), self.source.path.display())?;
         let data = if let Some(compressor) = self.compressor {
             let packed = self.packed(compressor, encoded, length).map_err(error)?;
-            if length as u64 > limit {
-                return Err(self.source.too_large(array.start, "array", limit));
-            }
+            self.source.take(budget, length as u64, array.start)?;
             let mut unpacked = memory::zeroed(length, self.source.path.display())?;
             packed.inflate(&mut unpacked).map_err(error)?;
             Cow::Owned(unpacked)
         } else {
-            self.uncompressed(encoded, length).map_err(error)?
+            let data = self.uncompressed(encoded, length).map_err(error)?;
+            self.source.take(budget, length as u64, array.start)?;
+            data
         };
         Ok((array.scalar, data))
     }

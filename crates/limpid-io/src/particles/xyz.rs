@@ -25,12 +25,12 @@ use limpid::memory;
 
 /// Reads raw floats directly into the positions, in half the time of reading the bytes first. `None` on
 /// any failure, which [`read`] then reports.
-pub(crate) fn read_raw(path: &Path, limit: Option<u64>) -> Option<Particles> {
+pub(crate) fn read_raw(path: &Path, limit: u64) -> Option<Particles> {
     /// Number of positions per block, few enough to stay in the CPU's cache until they are checked.
     const BLOCK: usize = 1 << 14;
     let (mut file, metadata) = files::open(path).ok()?;
     let length = metadata.len();
-    if length > limit.unwrap_or_else(|| files::unpacked_limit(length)) {
+    if length > limit {
         return None;
     }
     let mut start = Vec::new();

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mesh_source::checked;
 use super::recent::Recent;
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::meshes::rigid_bodies::{Pose, RigidBody, read_bodies, read_poses};
 use crate::meshes::{self, LoadedMesh};
@@ -61,6 +62,7 @@ impl Bodies {
         file: &BodiesFile,
         folder: &Path,
         remarks: &mut Vec<String>,
+        budget: &Budget,
     ) -> Result<(Self, Vec<Solid>)> {
         let file = BodiesFile { source: folder.join(&file.source), ..file.clone() };
         let sequence = Sequence::open(&file.source.to_string_lossy())?;
@@ -82,7 +84,7 @@ impl Bodies {
             let mesh = match known.iter().find(same) {
                 Some((_, mesh)) => mesh.clone(),
                 None => {
-                    let mesh = Arc::new(mesh_of(path, number, body, remarks)?);
+                    let mesh = Arc::new(mesh_of(path, number, body, remarks, budget)?);
                     known.push((body, mesh.clone()));
                     mesh
                 }
@@ -175,13 +177,14 @@ fn mesh_of(
     number: usize,
     body: &RigidBody,
     remarks: &mut Vec<String>,
+    budget: &Budget,
 ) -> Result<Mesh> {
     let scale = body.scale;
     if !scale.recip().is_finite() {
         let problem = format!("body {} has the scale {scale}, expected no 0", number + 1);
         return Err(Error::format(path, problem));
     }
-    let LoadedMesh { data, remarks: more } = meshes::load(&body.mesh)?;
+    let LoadedMesh { data, remarks: more } = meshes::load_within(&body.mesh, budget)?;
     remarks.extend(more);
     checked(&body.mesh, scaled(data, scale))
 }

@@ -12,6 +12,7 @@ use super::motion::SolidMotion;
 use super::solids::{Given, SolidFile, SolidFiles, unit};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
 use crate::adjustments::{Floor, is_ground};
+use crate::budget::Budget;
 use crate::camera_axes::CameraAxes;
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
@@ -206,14 +207,15 @@ impl Project {
         let mut solids = Vec::new();
         let mut solid_files = SolidFiles::with(given);
         let mut motion = SolidMotion::default();
+        let budget = Budget::of_meshes();
         for (number, solid) in (1..).zip(file.solid) {
             let fail = |problem: String| fail(format!("[[solid]] {number}: {problem}"));
-            let (solid, moves) = solid.load(folder, &mut solid_files, &fail)?;
+            let (solid, moves) = solid.load(folder, &mut solid_files, &budget, &fail)?;
             motion.push(solids.len(), moves);
             solids.push(solid);
         }
         if let Some(bodies) = &file.rigid_bodies {
-            let (bodies, shown) = Bodies::open(bodies, folder, &mut solid_files.remarks)?;
+            let (bodies, shown) = Bodies::open(bodies, folder, &mut solid_files.remarks, &budget)?;
             motion.set_bodies(solids.len(), bodies);
             solids.extend(shown);
         }
@@ -286,7 +288,7 @@ impl Project {
         let environment =
             file.environment.unwrap_or_default().validated(folder, load_map, given, &fail)?;
         let background = file.background.map(|background| folder.join(background.file));
-        let background = background.map(|file| solid_files.texture(&file)).transpose()?;
+        let background = background.map(|file| solid_files.texture(&file, &budget)).transpose()?;
         let settings = file.settings.validated(text).map_err(at_line)?;
         let lights = file.light;
         let project = Self {

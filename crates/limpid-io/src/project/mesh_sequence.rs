@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use super::mesh_source::MeshSource;
 use super::recent::Recent;
+use crate::budget::Budget;
 use crate::error::Result;
 use crate::files;
 use crate::meshes;
@@ -52,18 +53,24 @@ impl MeshSequence {
     pub(super) fn open(
         source: MeshSource,
         texture: Option<Arc<Texture>>,
+        budget: &Budget,
     ) -> Result<(Self, Arc<Mesh>, Vec<String>)> {
         let sequence = Sequence::open(&source.file.to_string_lossy())?;
         let (recent, used) = (Recent::default(), Mutex::default());
         let all = Self { source, sequence, texture, recent, used };
         let mut remarks = Vec::new();
-        let first = all.read(&all.sequence.frames[0], &mut remarks)?;
+        let first = all.read(&all.sequence.frames[0], &mut remarks, budget)?;
         Ok((all, first.mesh.clone(), remarks))
     }
 
-    fn read(&self, frame: &Frame, remarks: &mut Vec<String>) -> Result<Arc<MeshFrame>> {
+    fn read(
+        &self,
+        frame: &Frame,
+        remarks: &mut Vec<String>,
+        budget: &Budget,
+    ) -> Result<Arc<MeshFrame>> {
         self.recent.get(frame.number, || {
-            let loaded = meshes::load(&frame.path)?;
+            let loaded = meshes::load_within(&frame.path, budget)?;
             remarks.extend(loaded.remarks);
             let mesh = match self.used(frame.number, None) {
                 Some(mesh) => mesh,
@@ -99,11 +106,12 @@ impl MeshSequence {
         if let Some(mesh) = self.used(shown.number, None).filter(|_| is_frame) {
             return Ok(Some(mesh));
         }
-        let earlier = self.read(shown, &mut Vec::new())?;
+        let read = |frame| self.read(frame, &mut Vec::new(), &Budget::of_meshes());
+        let earlier = read(shown)?;
         if is_frame {
             return Ok(Some(earlier.mesh.clone()));
         }
-        let later = frame(at.next)?.map(|next| self.read(next, &mut Vec::new())).transpose()?;
+        let later = frame(at.next)?.map(read).transpose()?;
         let later = later.filter(|later| later.number != earlier.number);
         match later.filter(|later| have_same_triangles(&earlier.data, &later.data)) {
             None => Ok(Some(earlier.mesh.clone())),

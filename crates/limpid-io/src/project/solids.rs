@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::mesh_sequence::MeshSequence;
 use super::mesh_source::{MeshSource, Normals};
 use super::motion::{self, KeyFile, Motion};
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::meshes;
 use limpid::environment::Environment;
@@ -57,17 +58,18 @@ impl SolidFiles {
     }
 
     /// The mesh of a file; solids with the same file, texture and normals share it.
-    fn mesh(&mut self, source: MeshSource) -> Result<Arc<Mesh>> {
+    fn mesh(&mut self, source: MeshSource, budget: &Budget) -> Result<Arc<Mesh>> {
         if let Some((mesh, _)) = self.meshes.iter().find(|(_, known)| *known == source) {
             return Ok(mesh.clone());
         }
-        let texture = source.texture.as_deref().map(|texture| self.texture(texture)).transpose()?;
+        let texture = source.texture.as_deref();
+        let texture = texture.map(|texture| self.texture(texture, budget)).transpose()?;
         if let Some(data) = Given::find(&self.given.meshes, &source.file) {
             let mesh = Arc::new(source.mesh(&source.file, data.clone(), texture.as_ref())?);
             self.meshes.push((mesh.clone(), source));
             return Ok(mesh);
         }
-        let loaded = meshes::load(&source.file)?;
+        let loaded = meshes::load_within(&source.file, budget)?;
         self.remarks.extend(loaded.remarks);
         let mesh = Arc::new(source.mesh(&source.file, loaded.data, texture.as_ref())?);
         self.meshes.push((mesh.clone(), source));
@@ -75,13 +77,18 @@ impl SolidFiles {
     }
 
     /// The meshes of a pattern's files, and that of the first.
-    fn sequence(&mut self, source: MeshSource) -> Result<(Arc<Mesh>, Arc<MeshSequence>)> {
+    fn sequence(
+        &mut self,
+        source: MeshSource,
+        budget: &Budget,
+    ) -> Result<(Arc<Mesh>, Arc<MeshSequence>)> {
         let known = self.sequences.iter().find(|(_, known)| known.source == source);
         if let Some((first, sequence)) = known {
             return Ok((first.clone(), sequence.clone()));
         }
-        let texture = source.texture.as_deref().map(|texture| self.texture(texture)).transpose()?;
-        let (sequence, first, remarks) = MeshSequence::open(source.clone(), texture)?;
+        let texture = source.texture.as_deref();
+        let texture = texture.map(|texture| self.texture(texture, budget)).transpose()?;
+        let (sequence, first, remarks) = MeshSequence::open(source.clone(), texture, budget)?;
         self.remarks.extend(remarks);
         self.meshes.push((first.clone(), source));
         let found = (first, Arc::new(sequence));
@@ -89,7 +96,7 @@ impl SolidFiles {
         Ok(found)
     }
 
-    pub(super) fn texture(&mut self, file: &Path) -> Result<Arc<Texture>> {
+    pub(super) fn texture(&mut self, file: &Path, budget: &Budget) -> Result<Arc<Texture>> {
         if let Some((texture, _)) = self.textures.iter().find(|(_, known)| known == file) {
             return Ok(texture.clone());
         }
@@ -97,7 +104,7 @@ impl SolidFiles {
             self.textures.push((texture.clone(), file.to_owned()));
             return Ok(texture);
         }
-        let texture = Arc::new(meshes::texture(file)?);
+        let texture = Arc::new(meshes::texture_within(file, budget)?);
         self.textures.push((texture.clone(), file.to_owned()));
         Ok(texture)
     }
@@ -251,12 +258,13 @@ impl SolidFile {
         Ok(file)
     }
 
-    /// The solid and its motion, with its mesh and textures read from files relative to `folder`. `fail` makes the
-    /// error of a problem with the table.
+    /// The solid and its motion, with its mesh and textures read from files relative to `folder`, whose memory is taken
+    /// of the scene's `budget`. `fail` makes the error of a problem with the table.
     pub(super) fn load(
         self,
         folder: &Path,
         files: &mut SolidFiles,
+        budget: &Budget,
         fail: &dyn Fn(String) -> Error,
     ) -> Result<(Solid, Motion)> {
         let name = self.check_keys().map_err(fail)?;
@@ -271,18 +279,18 @@ impl SolidFile {
                 let (texture, flip) = (texture.clone(), self.flip.unwrap_or_default());
                 let source = MeshSource { file, texture, flip, normals };
                 Some(if MeshSequence::is_pattern(&source.file) {
-                    let (first, meshes) = files.sequence(source)?;
+                    let (first, meshes) = files.sequence(source, budget)?;
                     motion.meshes = Some(meshes);
                     first
                 } else {
-                    files.mesh(source)?
+                    files.mesh(source, budget)?
                 })
             }
             None => None,
         };
         let shape = self.placed(mesh).map_err(fail)?;
         let texture = match texture.filter(|_| !matches!(shape, Shape::Mesh { .. })) {
-            Some(texture) => Some(files.texture(&texture)?),
+            Some(texture) => Some(files.texture(&texture, budget)?),
             None => None,
         };
         let surface = self.surface(&shape, texture).map_err(fail)?;

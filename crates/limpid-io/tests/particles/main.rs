@@ -6,6 +6,8 @@ mod all_formats;
 mod arrays;
 mod bgeo;
 mod csv;
+mod damaged;
+mod dualsphysics;
 mod foam;
 mod hdf5;
 mod houdini;

@@ -29,7 +29,8 @@ fn dualsphysics() {
     let fluid = read(&good);
     assert_eq!((fluid.len(), fluid.radii.as_deref()), (120, Some(&[0.05; 120][..])));
     // Without bodies all of it is fluid.
-    let all = patched(&good, &1000_u64.to_le_bytes(), &0_u64.to_le_bytes());
+    let all = patched(&good, &1120_u64.to_le_bytes(), &120_u64.to_le_bytes());
+    let all = patched(&all, &1000_u64.to_le_bytes(), &0_u64.to_le_bytes());
     assert_eq!(read(&all).len(), 130);
 
     let message = |from: &[u8], to: &[u8], parts: &[&str]| {
@@ -41,6 +42,42 @@ fn dualsphysics() {
     message(&int(3120), &int(3121), &["byte", "array Posd: 3121 bytes, expected 130 × 24"]);
     message(&int(3120), &int(u32::MAX), &["byte", "Posd", "4294967295", "are left"]);
     message(b"Dp\x0c", b"Dp\x63", &["unknown type 99"]);
+}
+
+/// `.prt` as Partio writes it (`PRT.cpp`): names with a capital, integers and floats of 32 bits, and attributes of text,
+/// which its header counts, but which have no channel.
+#[test]
+fn partio() {
+    let written = |texts: i32| {
+        let mut bytes = b"\xc0PRT\r\n\x1a\n".to_vec();
+        bytes.extend(56_i32.to_le_bytes());
+        bytes.extend(b"Extensible Particle Format\0\0\0\0\0\0");
+        bytes.extend(1_i32.to_le_bytes());
+        bytes.extend(3_i64.to_le_bytes());
+        bytes.extend([4, 4 + texts, 44].iter().flat_map(|n| n.to_le_bytes()));
+        let channels =
+            [("Id", 1, 1, 0), ("Position", 4, 3, 4), ("Radius", 4, 1, 16), ("Velocity", 4, 3, 20)];
+        for (name, kind, numbers, offset) in channels {
+            let mut padded = name.as_bytes().to_vec();
+            padded.resize(32, 0);
+            bytes.extend(padded);
+            bytes.extend([kind, numbers, offset].iter().flat_map(|n: &i32| n.to_le_bytes()));
+        }
+        let mut rows = Vec::new();
+        for n in 0..3_i16 {
+            rows.extend(i32::from(7 + n).to_le_bytes());
+            let numbers = [f32::from(n), 0.5, -2.0, 0.25, 0.0, f32::from(n), 1.0];
+            rows.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
+        }
+        [bytes, super::damaged::zlib(&rows)].concat()
+    };
+    for texts in [0, 2] {
+        let particles =
+            limpid_io::particles::parse(Path::new("a.prt"), &written(texts)).expect("valid");
+        assert_eq!(particles.positions[2].to_array(), [2.0, 0.5, -2.0]);
+        assert_eq!(particles.velocities.expect("velocities")[1].to_array(), [0.0, 1.0, 1.0]);
+        assert_eq!((particles.ids, particles.radii), (Some(vec![7, 8, 9]), Some(vec![0.25; 3])));
+    }
 }
 
 /// Channels of Krakatoa: 16-bit velocities, ids, and a density that is not one of mass.
@@ -77,7 +114,7 @@ fn mantaflow() {
     check_message("a.uni", &gzip(b"MNT3...."), &["a grid of mantaflow"]);
     check_message("a.uni", b"nonsense", &["not particles of mantaflow"]);
     let head = [&b"PB02"[..], &[0xff; 4], &[0; 16], &int(16), &[0; 264]].concat();
-    check_message("a.uni", &gzip(&head), &["byte 292", "4294967295 × 16 bytes", "0 are left"]);
+    check_message("a.uni", &gzip(&head), &["byte 4", "-1 particles, expected 0 or more"]);
     let wide = [&b"PB02"[..], &[1; 20], &int(28), &[0; 264]].concat();
     check_message("a.uni", &wide, &["particles of 16 bytes, found 28"]);
 }

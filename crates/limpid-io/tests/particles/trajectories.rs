@@ -7,7 +7,7 @@ use std::path::Path;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use glam::Vec3;
-use limpid_io::particles::ReadOptions;
+use limpid_io::particles::{ReadOptions, Remark};
 use limpid_io::sequence::{Frame, Sequence};
 
 use super::other_programs::file;
@@ -69,6 +69,14 @@ fn frames_of_lammps() {
     assert_eq!(numbers(&continued), [0, 100, 200]);
     let again = open(&format!("{a}{b}{a}{c}"));
     assert_eq!((numbers(&again), first_x(&again)), (vec![0, 1, 2, 3], vec![0.0, 1.0, 0.0, 2.0]));
+    // Equal steps of other places are all kept, and every frame says why its number is not the step.
+    let other = step(100, "1 9 0 0\n");
+    let equal = open(&format!("{a}{b}{other}{c}"));
+    assert_eq!((numbers(&equal), first_x(&equal)), (vec![0, 1, 2, 3], vec![0.0, 1.0, 9.0, 2.0]));
+    let told = equal.frames[3].read(&ReadOptions::default()).expect("a frame").remarks;
+    assert_eq!(told, [Remark::Renumbered { step: 100 }]);
+    assert_eq!(first_x(&open(&format!("{b}{other}"))), [1.0, 9.0]);
+    assert_eq!(first_x(&open(&format!("{b}{b}{b}"))), [1.0], "the same frame thrice");
     let single = open(&b);
     assert_eq!((numbers(&single), single.frames[0].section), (vec![0], None));
 }

@@ -268,7 +268,8 @@ impl DocumentText {
             ..Project::default()
         };
         let frames = self.frames.iter().map(|&number| Frame::new(number, "".into())).collect();
-        let sequence = Sequence { frames, pattern: source.input.clone(), fps: self.fps };
+        let sequence =
+            Sequence { frames, pattern: source.input.clone(), fps: self.fps, absent: Vec::new() };
         let mut input = Input::outline_of(project.clone(), sequence, self.has_files, self.fps);
         input.frame = self.frame;
         Document { source, input, plain: plain.outline(), project, numbers, id }

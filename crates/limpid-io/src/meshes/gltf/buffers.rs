@@ -10,7 +10,8 @@ use base64::engine::{DecodePaddingMode, Engine as _, GeneralPurpose, GeneralPurp
 use limpid::memory;
 
 use super::document::{Accessor, Document};
-use crate::error::{Error, Result};
+use crate::budget::Budget;
+use crate::error::{Error, Location, Result};
 use crate::files;
 use crate::particles::table::{Column, Scalar};
 
@@ -19,8 +20,6 @@ pub(super) struct Buffers<'a> {
     path: &'a Path,
     document: &'a Document,
     buffers: Vec<Arc<Cow<'a, [u8]>>>,
-    /// Bytes of the files beside the document.
-    pub(super) external: u64,
 }
 
 impl<'a> Buffers<'a> {
@@ -29,8 +28,9 @@ impl<'a> Buffers<'a> {
         path: &'a Path,
         document: &'a Document,
         binary: Option<&'a [u8]>,
+        budget: &Budget,
     ) -> Result<Self> {
-        let mut this = Self { path, document, buffers: Vec::new(), external: 0 };
+        let mut this = Self { path, document, buffers: Vec::new() };
         // A file that several buffers name is read once.
         let mut known: HashMap<PathBuf, Arc<Cow<'_, [u8]>>> = HashMap::new();
         for (i, buffer) in document.buffers.iter().enumerate() {
@@ -53,7 +53,9 @@ impl<'a> Buffers<'a> {
                             None => {
                                 let mut bytes = Vec::new();
                                 files::read(&beside, |_| u64::MAX, &mut bytes)?;
-                                this.external += bytes.len() as u64;
+                                budget.add_file(&beside, bytes.len() as u64);
+                                // Under many names, links alike, it takes memory many times.
+                                budget.take(bytes.len() as u64, &beside, Location::Byte(0))?;
                                 let bytes = Arc::new(Cow::Owned(bytes));
                                 known.insert(key, Arc::clone(&bytes));
                                 bytes

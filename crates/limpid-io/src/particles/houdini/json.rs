@@ -13,14 +13,16 @@
 //! Uniform arrays of booleans are bits, the lowest first, in words of 32.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::fmt;
+use std::path::Path;
 
-use serde::Deserialize;
-use serde::de::{Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
+use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 
 use super::super::cursor::{Cursor, FileBytes};
 use super::super::table::Scalar;
+use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 
 /// A value of a document.
@@ -119,33 +121,49 @@ pub(super) fn is_binary(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x7fNSJb") || bytes.starts_with(b"\x7fbJSN")
 }
 
-pub(super) fn parse(source: FileBytes<'_>) -> Result<Value<'_>> {
+/// Parses a document; its values, many times larger than their tokens, take their memory of the budget.
+pub(super) fn parse<'a>(source: FileBytes<'a>, budget: &Budget) -> Result<Value<'a>> {
     if !is_binary(source.bytes) {
-        return serde_json::from_slice(source.bytes).map_err(|error| {
-            let problem = format!("not JSON: {error}");
-            Error::malformed(source.path, Location::Line(error.line() as u64), problem)
-        });
+        return parse_text(source, budget);
     }
     let mut file = Cursor::new(source.path, source.bytes, false);
     let big_endian = file.take(5, "the magic")? == b"\x7fbJSN";
-    let mut parser = Parser { file, big_endian, strings: HashMap::new() };
+    let mut parser = Parser { file, big_endian, strings: HashMap::new(), budget };
     let token = parser.token()?;
     parser.value(token, 0)
 }
 
-struct Parser<'a> {
+fn parse_text(source: FileBytes<'_>, budget: &Budget) -> Result<Value<'static>> {
+    let exceeded = Cell::new(false);
+    let mut text = serde_json::Deserializer::from_slice(source.bytes);
+    let value = Text { budget, exceeded: &exceeded }.deserialize(&mut text);
+    value.and_then(|value| text.end().map(|()| value)).map_err(|error| {
+        let line = Location::Line(error.line() as u64);
+        match exceeded.get() {
+            true => budget.exceeded(source.path, line),
+            false => Error::malformed(source.path, line, format!("not JSON: {error}")),
+        }
+    })
+}
+
+/// Memory of a value, bytes.
+const VALUE: u64 = size_of::<Value<'_>>() as u64;
+
+struct Parser<'a, 'b> {
     file: Cursor<'a>,
     big_endian: bool,
     strings: HashMap<u64, &'a [u8]>,
+    budget: &'b Budget,
 }
 
-impl<'a> Parser<'a> {
+impl<'a> Parser<'a, '_> {
     /// The next token that belongs to a value.
     fn token(&mut self) -> Result<u8> {
         loop {
             let [token] = self.file.array("a token")?;
             match token {
                 b'+' => {
+                    self.count(VALUE)?;
                     let number = self.length()?;
                     let string = self.string()?;
                     self.strings.insert(number, string);
@@ -191,6 +209,7 @@ impl<'a> Parser<'a> {
             if token == end {
                 return Ok(values);
             }
+            self.count(VALUE)?;
             limpid::memory::grow(&mut values, 1, self.file.source.path.display())?;
             values.push(self.value(token, depth + 1)?);
         }
@@ -210,11 +229,11 @@ impl<'a> Parser<'a> {
                 start,
             }));
         }
-        let mut texts = Vec::new();
         match kind {
             0x10 => {
                 let words =
                     self.file.take_records(count.div_ceil(32), 4, "an array of booleans")?;
+                self.count(count as u64)?;
                 let bit = |i: usize| {
                     // The byte of the bit in its word.
                     let byte = if self.big_endian { (i / 8) ^ 3 } else { i / 8 };
@@ -222,12 +241,22 @@ impl<'a> Parser<'a> {
                 };
                 return Ok(Value::Flags((0..count).map(bit).collect()));
             }
-            // Each takes a byte at least, so that the loop ends with the file.
-            0x27 => (0..count).try_for_each(|_| self.string().map(|text| texts.push(text)))?,
-            b'&' => (0..count).try_for_each(|_| self.reference().map(|text| texts.push(text)))?,
+            0x27 | b'&' => {}
             _ => return Err(self.file.error(format!("unknown type 0x{kind:02x} of an array"))),
         }
-        Ok(Value::List(texts.into_iter().map(|text| Value::Text(Cow::Borrowed(text))).collect()))
+        let mut texts = Vec::new();
+        // Each takes a byte at least, so that the loop ends with the file.
+        for _ in 0..count {
+            let text = if kind == 0x27 { self.string()? } else { self.reference()? };
+            self.count(VALUE)?;
+            texts.push(Value::Text(Cow::Borrowed(text)));
+        }
+        Ok(Value::List(texts))
+    }
+
+    /// Takes memory of the budget.
+    fn count(&self, bytes: u64) -> Result<()> {
+        self.file.source.take(self.budget, bytes, self.file.start)
     }
 
     fn string(&mut self) -> Result<&'a [u8]> {
@@ -271,16 +300,36 @@ fn scalar(token: u8) -> Option<Scalar> {
     })
 }
 
-impl<'de> Deserialize<'de> for Value<'static> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
-        deserializer.deserialize_any(Text)
+/// Makes values of JSON in text.
+#[derive(Clone, Copy)]
+struct Text<'b> {
+    budget: &'b Budget,
+    /// Whether the budget is used up.
+    exceeded: &'b Cell<bool>,
+}
+
+impl Text<'_> {
+    fn count<E: serde::de::Error>(self, bytes: usize) -> std::result::Result<(), E> {
+        let taken = self.budget.take(bytes as u64, Path::new(""), Location::Byte(0));
+        taken.map_err(|error| {
+            self.exceeded.set(true);
+            E::custom(error)
+        })
     }
 }
 
-/// Makes values of JSON in text.
-struct Text;
+impl<'de> DeserializeSeed<'de> for Text<'_> {
+    type Value = Value<'static>;
 
-impl<'de> Visitor<'de> for Text {
+    fn deserialize<D: Deserializer<'de>>(
+        self,
+        deserializer: D,
+    ) -> std::result::Result<Self::Value, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Text<'_> {
     type Value = Value<'static>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -307,7 +356,8 @@ impl<'de> Visitor<'de> for Text {
         Ok(Value::Number(value))
     }
 
-    fn visit_str<E>(self, value: &str) -> std::result::Result<Self::Value, E> {
+    fn visit_str<E: serde::de::Error>(self, value: &str) -> std::result::Result<Self::Value, E> {
+        self.count(value.len())?;
         Ok(Value::Text(Cow::Owned(value.as_bytes().to_vec())))
     }
 
@@ -317,10 +367,14 @@ impl<'de> Visitor<'de> for Text {
         mut items: A,
     ) -> std::result::Result<Self::Value, A::Error> {
         let (mut numbers, mut list) = (Vec::new(), Vec::new());
-        while let Some(item) = items.next_element()? {
+        while let Some(item) = items.next_element_seed(self)? {
             match item {
-                Value::Number(number) if list.is_empty() => numbers.push(number),
+                Value::Number(number) if list.is_empty() => {
+                    self.count(size_of::<f64>())?;
+                    numbers.push(number);
+                }
                 item => {
+                    self.count(VALUE as usize * (numbers.len() + 1))?;
                     list.try_reserve(numbers.len() + 1).map_err(A::Error::custom)?;
                     list.extend(numbers.drain(..).map(Value::Number));
                     list.push(item);
@@ -339,9 +393,10 @@ impl<'de> Visitor<'de> for Text {
         mut items: A,
     ) -> std::result::Result<Self::Value, A::Error> {
         let mut list = Vec::new();
-        while let Some((name, value)) = items.next_entry::<String, _>()? {
+        while let Some(name) = items.next_key::<String>()? {
+            self.count(2 * VALUE as usize + name.len())?;
             list.push(Value::Text(Cow::Owned(name.into_bytes())));
-            list.push(value);
+            list.push(items.next_value_seed(self)?);
         }
         Ok(Value::Map(list))
     }
@@ -350,10 +405,14 @@ impl<'de> Visitor<'de> for Text {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
 
     fn read(bytes: &[u8]) -> Result<Value<'_>> {
-        parse(FileBytes { path: Path::new("a.bgeo"), bytes, text: false })
+        read_within(bytes, 1 << 20)
+    }
+
+    fn read_within(bytes: &[u8], limit: u64) -> Result<Value<'_>> {
+        let source = FileBytes { path: Path::new("a.bgeo"), bytes, text: false };
+        parse(source, &Budget::new(Some(limit)))
     }
 
     fn binary(tokens: &[u8]) -> Vec<u8> {
@@ -396,6 +455,25 @@ mod tests {
         assert_eq!((flags.len(), set), (34, vec![0, 31, 33]));
         let swapped = read(b"\x7fbJSN@\x10\x22\x80\0\0\x01\0\0\0\x02").unwrap();
         assert_eq!(swapped, Value::Flags(flags));
+    }
+
+    /// Values take the memory that they have in a document, whatever the size of their tokens.
+    #[test]
+    fn values_take_of_the_budget() {
+        let nulls = |n: usize| [b"[", vec![0; n].as_slice(), b"]"].concat();
+        let cases: [(Vec<u8>, u64); 6] = [
+            (binary(&nulls(1000)), 1000 * VALUE),
+            (binary(b"@\x10\x40\0\0\0\0\0\0\0\0"), 64),
+            (binary(b"@\x27\x03\0\0\0"), 3 * VALUE),
+            (format!("[{}null]", "null,".repeat(999)).into_bytes(), 1000 * VALUE),
+            (format!("[[{}1],{{}}]", "1,".repeat(999)).into_bytes(), 8000 + 2 * VALUE),
+            (br#"["abc",{"a":null}]"#.to_vec(), 3 + 1 + 4 * VALUE),
+        ];
+        for (bytes, least) in cases {
+            assert!(read_within(&bytes, least).is_ok(), "{least}");
+            let error = read_within(&bytes, least - 1).unwrap_err();
+            assert!(matches!(error, Error::TooLarge { .. }), "{error}");
+        }
     }
 
     /// Strings that are not defined, lengths beyond the file, and arrays inside one another without end.
