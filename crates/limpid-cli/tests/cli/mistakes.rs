@@ -79,6 +79,17 @@ fn make_files(folder: &Path) {
     write("nan.csv", "x,y,z\n0,0,0\n0.1,nan,0\n0.2,0,0\n");
     write("paraview.bgeo", "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\">\n");
     write("frames.zip", "PK\x03\x04");
+    let set = |time: usize, file: &str| format!("<DataSet timestep=\"{time}\" file=\"{file}\"/>");
+    let sets = [set(0, "water_1.bgeo"), set(1, "gone.bgeo"), set(2, "water_2.bgeo")].concat();
+    write("list.pvd", &format!("<VTKFile><Collection>{sets}</Collection></VTKFile>"));
+    write("cut.pvtu", "<VTKFile><PUnstructuredGrid>\n<Piece Source=\"water.vtu\"/>\n");
+    let step = |step: usize, x: f64| {
+        format!(
+            "ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\n\
+             ITEM: ATOMS id x y z\n1 {x} 0 0\n"
+        )
+    };
+    write("steps.dump", &[step(0, 0.0), step(100, 0.1), step(100, 0.2)].concat());
     write("scene.toml", "[liquid]\nabsorbtion = [1.0, 0.3, 0.1]\n");
     let mesh = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
         property float z\nelement face 1\nproperty list uchar int i\nend_header\n\

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use super::files;
 use super::prepare::{
-    blank, blank_surroundings, block, block_and, bomb, dam, forbid, found, lying_archive, many,
-    nothing, pipe, shared_pieces, sparse, two_pictures, write,
+    blank, blank_surroundings, block, block_and, bomb, dam, forbid, found, images, lying_archive,
+    many, many_names, nothing, nulls, pipe, shared_pieces, sparse, textured, two_pictures, write,
 };
 
 /// A run of the program and its expected outcome.
@@ -494,6 +494,46 @@ pub(crate) const CASES: &[Case] = &[
         Way::Small,
         4,
         "a.vtu: byte …: the file unpacks to more than 1073741824 bytes; --max-unpacked MIB allows more",
+    ),
+    case(
+        "200 million nulls of JSON in 200 KB",
+        "info a.bgeo",
+        |f| write(f.join("a.bgeo"), nulls()),
+        Way::Small,
+        4,
+        "a.bgeo: byte …: the file unpacks to more than 1073741824 bytes; --max-unpacked MIB allows more",
+    ),
+    case(
+        "a list that names 5 million points forty times",
+        "info a.pvtu",
+        many_names,
+        Way::Small,
+        4,
+        "…p.vtu: byte …: the files that belong together unpack to more than 1073741824 bytes; --max-unpacked MIB allows more",
+    ),
+    case(
+        "five names of one texture of 81 million pixels",
+        "info a.toml",
+        textured,
+        Way::Small,
+        4,
+        "b2.png: byte 0: the meshes of the document and their pictures take more than 1073741824 bytes; make its pictures smaller",
+    ),
+    case(
+        "thirty images of 81 million pixels in a GLB",
+        "info a.toml",
+        images,
+        Way::Small,
+        4,
+        "a.glb/images[2]: byte 0: the meshes of the document and their pictures take more than 1073741824 bytes; make its pictures smaller",
+    ),
+    case(
+        "a list that is cut off after an entry",
+        "info a.pvtu",
+        |f| write(f.join("a.pvtu"), "<VTKFile><PUnstructuredGrid>\n<Piece Source=\"p.vtu\"/>\n"),
+        Way::Small,
+        4,
+        "a.pvtu: byte 53: the list is cut off: <PUnstructuredGrid> has no end",
     ),
     case(
         "a BGEO whose particles take more than its contents",

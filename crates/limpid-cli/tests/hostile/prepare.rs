@@ -66,7 +66,101 @@ pub(crate) fn shared_pieces() -> Vec<u8> {
                  NumberOfComponents=\"3\" format=\"appended\" offset=\"0\"/></Points></Piece>";
     let start = "<VTKFile type=\"PolyData\" compressor=\"vtkZLibDataCompressor\"><PolyData>";
     let end = "</PolyData><AppendedData encoding=\"raw\">_";
-    [start.as_bytes(), piece.repeat(1000).as_bytes(), end.as_bytes(), &header, &packed].concat()
+    let last = "</AppendedData></VTKFile>";
+    let pieces = piece.repeat(1000);
+    [start, &pieces, end]
+        .map(str::as_bytes)
+        .concat()
+        .into_iter()
+        .chain(header)
+        .chain(packed)
+        .chain(last.bytes())
+        .collect()
+}
+
+/// Houdini's binary JSON: 200 million nulls in a list, packed in gzip members.
+pub(crate) fn nulls() -> Vec<u8> {
+    let start = b"\x7fNSJb[\x27\x0apointcount\x11\x01\x27\x04junk[";
+    let members = files::gzip(&vec![0; 16 << 20]).repeat(12);
+    [files::gzip(start), members, files::gzip(b"]]")].concat()
+}
+
+/// Writes `a.pvtu`, which lists `p.vtu`, a file of 5 million points in a few kilobytes, under forty names.
+pub(crate) fn many_names(folder: &Path) {
+    let positions = vec![0; 12 * 5_000_000];
+    let packed = files::zlib(&positions);
+    let header = [1, positions.len() as u32, 0, packed.len() as u32].map(u32::to_le_bytes).concat();
+    let start = "<VTKFile type=\"UnstructuredGrid\" compressor=\"vtkZLibDataCompressor\"><UnstructuredGrid>\
+                 <Piece NumberOfPoints=\"5000000\"><Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" \
+                 format=\"appended\" offset=\"0\"/></Points></Piece></UnstructuredGrid>\
+                 <AppendedData encoding=\"raw\">_";
+    let end = "</AppendedData></VTKFile>";
+    write(folder.join("p.vtu"), [start.as_bytes(), &header, &packed, end.as_bytes()].concat());
+    fs::create_dir(folder.join("d")).expect("a folder");
+    let pieces = (0..40).map(|n| format!("<Piece Source=\"{}p.vtu\"/>", "d/../".repeat(n)));
+    let pieces = pieces.collect::<String>();
+    let list = format!("<VTKFile><PUnstructuredGrid>{pieces}</PUnstructuredGrid></VTKFile>");
+    write(folder.join("a.pvtu"), list);
+}
+
+/// Writes `a.toml`, the block of water with the mesh `file`.
+pub(crate) fn mesh(folder: &Path, file: &str) {
+    block(folder);
+    let scene = format!(
+        "[particles]\nsource = \"water.xyz\"\n[[solid]]\nshape = \"mesh\"\nfile = \"{file}\"\n"
+    );
+    write(folder.join("a.toml"), scene);
+}
+
+/// Writes a mesh with five names of one picture of 81 million pixels.
+pub(crate) fn textured(folder: &Path) {
+    mesh(folder, "a.obj");
+    blank(folder, 9_000);
+    let (mut materials, mut faces) = (String::new(), String::new());
+    for k in 0..5 {
+        fs::hard_link(folder.join("blank.png"), folder.join(format!("b{k}.png"))).expect("a link");
+        materials += &format!("newmtl m{k}\nmap_Kd b{k}.png\n");
+        faces += &format!("usemtl m{k}\nf 1/1 2/1 3/1\n");
+    }
+    write(folder.join("a.mtl"), materials);
+    write(
+        folder.join("a.obj"),
+        format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n{faces}"),
+    );
+}
+
+/// Writes a GLB with thirty images in one view, of 81 million pixels each.
+pub(crate) fn images(folder: &Path) {
+    mesh(folder, "a.glb");
+    blank(folder, 9_000);
+    let picture = fs::read(folder.join("blank.png")).expect("it is there");
+    let corners: Vec<u8> = [0_f32, 0., 0., 1., 0., 0., 0., 1., 0.].map(f32::to_le_bytes).concat();
+    let listed = |each: &dyn Fn(usize) -> String| (0..30).map(each).collect::<Vec<_>>().join(",");
+    let json = format!(
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{{\"mesh\":0}}],\"buffers\":[{{\"byteLength\":{}}}],\
+         \"bufferViews\":[{{\"buffer\":0,\"byteLength\":36}},{{\"buffer\":0,\"byteOffset\":36,\"byteLength\":{}}}],\
+         \"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}}],\
+         \"images\":[{}],\"textures\":[{}],\"materials\":[{}],\"meshes\":[{{\"primitives\":[{}]}}]}}",
+        36 + picture.len(),
+        picture.len(),
+        listed(&|_| "{\"bufferView\":1,\"mimeType\":\"image/png\"}".into()),
+        listed(&|k| format!("{{\"source\":{k}}}")),
+        listed(&|k| format!(
+            "{{\"pbrMetallicRoughness\":{{\"baseColorTexture\":{{\"index\":{k}}}}}}}"
+        )),
+        listed(&|k| format!("{{\"attributes\":{{\"POSITION\":0}},\"material\":{k}}}")),
+    );
+    let padded = |mut bytes: Vec<u8>, with: u8| {
+        bytes.resize(bytes.len().next_multiple_of(4), with);
+        bytes
+    };
+    let (json, binary) = (padded(json.into_bytes(), b' '), padded([corners, picture].concat(), 0));
+    let length = 12 + 8 + json.len() + 8 + binary.len();
+    let word = |number: usize| (number as u32).to_le_bytes();
+    let mut glb =
+        [&b"glTF"[..], &word(2), &word(length), &word(json.len()), b"JSON", &json].concat();
+    glb.extend([&word(binary.len())[..], b"BIN\0", &binary].concat());
+    write(folder.join("a.glb"), glb);
 }
 
 /// An archive whose only member is longer than its directory states.
