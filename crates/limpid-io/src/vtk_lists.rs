@@ -9,7 +9,7 @@ use quick_xml::escape::unescape;
 use quick_xml::events::{BytesStart, Event};
 use serde::Deserialize;
 
-use crate::error::{Error, Location, Result};
+use crate::error::{Error, Location, Result, printable};
 
 /// Largest number of listed files.
 const MOST: usize = 1 << 20;
@@ -31,6 +31,7 @@ pub(crate) struct Listed {
 /// of one file twice.
 pub(crate) fn parse_xml(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>> {
     let folder = path.parent().unwrap_or(Path::new(""));
+    let blocks = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vtm"));
     let mut xml = Reader::from_reader(bytes);
     let mut listed = Vec::new();
     let mut open: Vec<String> = Vec::new();
@@ -56,14 +57,30 @@ pub(crate) fn parse_xml(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>> {
         if !empty {
             open.push(String::from_utf8_lossy(element.name().as_ref()).into_owned());
         }
+        // An entry without its end takes the next one for its attributes.
+        if let Some(Err(error)) = element.attributes().find(std::result::Result::is_err) {
+            return Err(fail(at, format!("not XML: {error}")));
+        }
         let attribute = |name: &str| attribute(&element, name).map_err(|problem| fail(at, problem));
         let key = match element.local_name().as_ref() {
             b"Piece" => "Source",
             b"DataSet" => "file",
-            _ => continue,
+            other => {
+                if attribute("Source")?.or(attribute("file")?).is_some() {
+                    let other = printable(String::from_utf8_lossy(other).into_owned());
+                    let problem = format!("<{other}> names a file; expected a Piece or a DataSet");
+                    return Err(fail(at, problem));
+                }
+                continue;
+            }
         };
-        // Empty blocks name no file.
-        let Some(file) = attribute(key)?.filter(|file| !file.is_empty()) else { continue };
+        let Some(file) = attribute(key)?.filter(|file| !file.is_empty()) else {
+            // Blocks may be empty.
+            if blocks {
+                continue;
+            }
+            return Err(fail(at, format!("an entry without the attribute {key}")));
+        };
         let time = attribute("timestep")?.and_then(|text| text.parse::<f64>().ok());
         listed.push(Listed { path: folder.join(file), time });
         if listed.len() > MOST {

@@ -16,6 +16,8 @@
 mod adapt;
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use hdf5_pure::{
@@ -780,6 +782,8 @@ impl<'a> Archive<'a> {
         }
         self.count(&path, length)?;
         memory::probe(usize::try_from(length.max(chunk)).unwrap_or(usize::MAX), path.display())?;
+        let rows = if length < all { step..step + 1 } else { 0..member.rows() };
+        check_chunks(member, rows).map_err(fail)?;
         let bytes = match length < all {
             true => member.dataset.read_raw_rows(step as u64, 1),
             false => member.dataset.read_raw(),
@@ -806,6 +810,36 @@ impl<'a> Archive<'a> {
         let problem = format!("{}: {}", printable(place.into()), describe(error));
         Error::malformed(self.path, Location::Byte(0), problem)
     }
+}
+
+/// Fails if some of these rows of an array have no chunk, or if a chunk is not of the array's grid: the decoder would put
+/// zeros there.
+fn check_chunks(member: &Member, rows: Range<usize>) -> Result<(), String> {
+    let dataset = &member.dataset;
+    let (Ok(Some(sizes)), false) = (dataset.chunk_shape(), rows.is_empty()) else { return Ok(()) };
+    if sizes.contains(&0) {
+        return Err(format!("chunks of {sizes:?}"));
+    }
+    // One kind of index cannot be listed.
+    let Ok(chunks) = dataset.chunks() else { return Ok(()) };
+    let shape: Vec<u64> = member.shape.iter().map(|&extent| extent as u64).collect();
+    let mut found = BTreeSet::new();
+    for chunk in chunks {
+        let mut axes = chunk.offset.iter().zip(&shape).zip(&sizes);
+        let inside = |((at, extent), size): ((&u64, &u64), &u64)| at < extent && at % size == 0;
+        if !axes.all(inside) {
+            return Err(format!("a chunk at {:?} of an array of {shape:?}", chunk.offset));
+        }
+        found.insert(chunk.offset);
+    }
+    let [first, last] = [rows.start, rows.end - 1].map(|row| row as u64 / sizes[0]);
+    let there = found.iter().filter(|at| (first..=last).contains(&(at[0] / sizes[0]))).count();
+    let others = shape.iter().zip(&sizes).skip(1).map(|(extent, &size)| extent.div_ceil(size));
+    let expected = others.fold(last - first + 1, u64::saturating_mul);
+    if there as u64 != expected {
+        return Err(format!("{there} of {expected} chunks were written"));
+    }
+    Ok(())
 }
 
 /// An error of the decoder, on one line.

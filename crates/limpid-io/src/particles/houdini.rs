@@ -129,6 +129,7 @@ impl PointAttribute<'_> {
     ) -> Result<(Table<'t>, Vec<Column>)> {
         let get = |name| self.values.get(name);
         let size = self.size();
+        let problem = format!("expected {size} numbers for each of {points} points");
         let numbers = if let Some(raw) = get("rawpagedata") {
             self.unpaged(source, &raw.numbers(), points)?
         } else if let Some(tuples) = get("tuples") {
@@ -142,15 +143,17 @@ impl PointAttribute<'_> {
                 arrays => arrays.iter().map(Value::numbers).collect(),
             };
             let even = arrays.len() == size && arrays.iter().all(|array| array.len() == points);
-            let rows = if even { points } else { 0 };
+            if !even {
+                return Err(self.error(source, &problem));
+            }
             let number = |row: usize, array: &Cow<'_, Numbers<'_>>| array.number(row);
-            let all = (0..rows).flat_map(|row| arrays.iter().map(move |array| number(row, array)));
+            let all =
+                (0..points).flat_map(|row| arrays.iter().map(move |array| number(row, array)));
             Numbers::of_floats(all)
         } else {
             return Err(self.error(source, "no `rawpagedata`, `tuples` or `arrays`"));
         };
         if numbers.len() != points.saturating_mul(size) {
-            let problem = format!("expected {size} numbers for each of {points} points");
             return Err(self.error(source, &problem));
         }
         let Numbers { bytes, scalar, big_endian, start } = numbers;

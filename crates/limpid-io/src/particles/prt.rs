@@ -41,7 +41,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     file.take(before + 4, "the header")?;
     let channels = count(&mut file, "the number of channels")?;
     let length = count(&mut file, "the length of a channel")?;
-    let (mut named_columns, mut stride, mut total) = (Vec::new(), 0_usize, 0_usize);
+    let (mut named_columns, mut stride, mut spans) = (Vec::new(), 0_usize, Vec::new());
     for _ in 0..channels {
         // Partio counts its attributes of text, but does not define channels for them.
         if file.rest().starts_with(ZLIB) {
@@ -55,14 +55,16 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         let (Some(scalar), Some(size), Some(offset)) = (kind.and_then(scalar), size, offset) else {
             return Err(file.error(format!("channel {name} has an unknown type")));
         };
-        let bytes = size.saturating_mul(scalar.size());
-        (stride, total) = (stride.max(offset.saturating_add(bytes)), total.saturating_add(bytes));
+        let end = offset.saturating_add(size.saturating_mul(scalar.size()));
+        stride = stride.max(end);
+        spans.push((offset, end));
         const MOST: usize = 16;
         let columns = Column::adjacent(offset, if size > MOST { 0 } else { size }, scalar);
         named_columns.push((name, size, columns));
     }
 
-    if total > stride {
+    spans.sort_unstable();
+    if spans.array_windows().any(|[before, after]| after.0 < before.1) {
         return Err(file.error("channels that lie in one another"));
     }
 

@@ -92,6 +92,8 @@ fn damaged_geometry() {
     ] {
         check(&[("P", POSITIONS), ("v", &v(data))], &["line 4", part]);
     }
+    let none = geometry(0, &[("P", "\"size\",3,\"arrays\",[[1],[2],[3]]")]);
+    check_message("a.geo", none.as_bytes(), &["expected 3 numbers for each of 0 points"]);
     let many = geometry(100_000_000, &[("P", POSITIONS)]);
     check_message("a.geo", many.as_bytes(), &["100000000 points, more than can be in"]);
     check_message("a.geo", b"PGEOMETRY V5\nNPoints 1", &["Houdini's classic geometry in text"]);

@@ -202,6 +202,18 @@ fn lists_of_files() {
         ("e.pvd", pvd(&(set(0.0, "b.vtu") + &set(1.0, "b.vtu"))), ["b.vtu", "listed twice"]),
         ("e.pvd", pvd(&(set(1.0, "b.vtu") + &set(1.0, "c.vtu"))), ["several parts", "time 1"]),
         ("e.pvd", "<VTKFile><Collection".into(), ["e.pvd", "not XML"]),
+        // An entry that names no file, one of another name, and one without its end.
+        (
+            "e.pvd",
+            pvd(&three.replacen("file=", "fil=", 1)),
+            ["e.pvd", "without the attribute file"],
+        ),
+        (
+            "e.pvd",
+            pvd(&three.replacen("<Data", "<Dat", 1)),
+            ["e.pvd: byte", "<DatSet> names a file"],
+        ),
+        ("e.pvd", pvd(&three.replacen("/>", "", 1)), ["e.pvd: byte", "not XML"]),
         ("e.series", "{".into(), ["e.series", "not a list of files"]),
     ] {
         let message = problem(name, &text);
@@ -218,6 +230,15 @@ fn lists_of_files() {
         let message = read(&at("p.pvtu")).unwrap_err().to_string();
         assert!(message.contains(part), "{message}");
     }
+    fs::write(at("p.pvtu"), pieces("")).unwrap();
+    let message = read(&at("p.pvtu")).unwrap_err().to_string();
+    assert!(message.contains("without the attribute Source"), "{message}");
+    // Blocks may be empty, as those of a rank without particles.
+    let blocks = "<VTKFile><vtkMultiBlockDataSet><DataSet index='0'/><DataSet index='1' file='b.vtu'/>\
+                  </vtkMultiBlockDataSet></VTKFile>";
+    fs::write(at("p.vtm"), blocks).unwrap();
+    assert!(!read(&at("p.vtm")).expect("one block").is_empty());
+    fs::remove_file(at("p.vtm")).unwrap();
     // The pieces beside a list are not frames.
     fs::remove_file(at("p.pvtu")).unwrap();
     for name in ["w_1.pvtu", "w_2.pvtu"] {

@@ -104,6 +104,10 @@ fn krakatoa() {
     kind[..8].copy_from_slice(b"Position");
     let unknown = [&kind[..], &int(77)].concat();
     message(&[&kind[..], &int(4)].concat(), &unknown, &["channel Position", "unknown type"]);
+    // Where the velocities are.
+    let [at, elsewhere] =
+        [0, 12].map(|offset| [&kind[..], &int(4), &int(3), &int(offset)].concat());
+    message(&at, &elsewhere, &["channels that lie in one another"]);
     check_message("a.prt", b"nonsense", &["not particles of Krakatoa"]);
 }
 
