@@ -1,8 +1,8 @@
 //! Valid files with changed bits, numbers and pieces, as from broken disks, incompatible writers and
 //! attackers.
 //!
-//! The cases are the same on every machine. `LIMPID_HOSTILE_ROUNDS=1000000` tries more of them, which
-//! takes longer; `LIMPID_HOSTILE_SEEDS=FOLDER` writes the valid files as seeds for `cargo fuzz`.
+//! The cases are the same on every machine. `LIMPID_HOSTILE_ROUNDS=1000000` tries more of them, from `LIMPID_SEED`
+//! on, which takes longer; `LIMPID_HOSTILE_SEEDS=FOLDER` writes the valid files as seeds for `cargo fuzz`.
 
 use std::alloc::System;
 use std::panic;
@@ -45,7 +45,7 @@ pub(crate) fn counting() -> MutexGuard<'static, ()> {
 
 /// Fails if reading `bytes` bytes needs more memory than deflate can pack into them.
 #[track_caller]
-fn within_memory<T>(what: &str, bytes: usize, read: impl FnOnce() -> T) -> T {
+pub(crate) fn within_memory<T>(what: &str, bytes: usize, read: impl FnOnce() -> T) -> T {
     /// Deflate expands a byte to at most 1032; each of these may pass through a few buffers.
     const PER_BYTE: usize = 4 * 1032;
     /// Memory of tests that run in parallel.
@@ -141,7 +141,7 @@ impl Random {
 }
 
 /// Extreme values for counts and offsets in headers.
-const EXTREMES: [u64; 12] = [
+pub(crate) const EXTREMES: [u64; 12] = [
     0,
     1,
     0x7f,
@@ -240,14 +240,20 @@ fn truncated_files_and_flipped_bits_are_refused_or_read() {
     }
 }
 
+/// The seeds of the mutants: as many as usual, or `LIMPID_HOSTILE_ROUNDS`, from `LIMPID_SEED` on.
+pub(crate) fn rounds(usual: usize) -> std::ops::Range<usize> {
+    let number = |name| std::env::var(name).ok().and_then(|number| number.parse::<usize>().ok());
+    let first = number("LIMPID_SEED").unwrap_or(0);
+    first..first + number("LIMPID_HOSTILE_ROUNDS").unwrap_or(usual)
+}
+
 /// Every reader handles wrong counts, pieces that are missing, repeated or from another file, and
 /// invalid numbers.
 #[test]
 fn mutated_files_are_refused_or_read() {
     let _lock = counting();
-    let rounds = std::env::var("LIMPID_HOSTILE_ROUNDS").ok().and_then(|rounds| rounds.parse().ok());
     let files = all_files();
-    for round in 0..rounds.unwrap_or(1500) {
+    for round in rounds(1500) {
         for (k, (name, valid)) in files.iter().enumerate() {
             let mut random = Random((round as u64) << 16 | k as u64);
             let other = &files[random.below(files.len())].1;

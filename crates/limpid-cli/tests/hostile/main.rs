@@ -6,6 +6,7 @@ mod cases;
 mod damage;
 mod files;
 mod memory;
+mod mutants;
 mod numbers;
 mod prepare;
 mod runner;
