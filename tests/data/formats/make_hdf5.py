@@ -24,6 +24,13 @@ with h5py.File(folder / "h5py_links_latest.h5", "w", libver=("v110", "v110")) as
     group["Coordinates"] = h5py.SoftLink("/places")
     group["Velocities"] = h5py.ExternalLink("other.h5", "/speeds")
 
+# The same in a group with many, which are in several blocks of a heap.
+with h5py.File(folder / "h5py_many_links.h5", "w", libver=("v110", "v110")) as file:
+    file["places"] = places
+    group = file.create_group("PartType0")
+    for name in [f"alias_{k:02}" for k in range(40)] + ["Coordinates"]:
+        group[name] = h5py.SoftLink("/places")
+
 with h5py.File(folder / "h5py_external.h5", "w") as file:
     file.create_group("PartType0")["Coordinates"] = h5py.ExternalLink("other.h5", "/places")
 

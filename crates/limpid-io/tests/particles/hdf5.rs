@@ -161,6 +161,9 @@ fn links() {
     let remark = latest.remarks.iter().map(ToString::to_string).collect::<Vec<_>>();
     assert_eq!(remark, ["Velocities is ignored: velocity is in the file other.h5"]);
 
+    let many = parse(&fs::read(file("h5py_many_links.h5")).unwrap(), "");
+    assert_eq!((many.particles.positions, many.arrays.len()), (places, 40));
+
     let external = fs::read(file("h5py_external.h5")).unwrap();
     check_message("a.h5", &external, &["Coordinates is a link to the file other.h5"]);
 }
@@ -233,7 +236,17 @@ fn damaged_files_are_refused() {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (seed >> 33) as usize % below
     };
-    let names = ["swift.hdf5", "pysph.hdf5", "vtk_grid.vtkhdf", "vtk_points.vtkhdf", "plain.h5"];
+    let names = [
+        "swift.hdf5",
+        "pysph.hdf5",
+        "vtk_grid.vtkhdf",
+        "vtk_points.vtkhdf",
+        "plain.h5",
+        "h5py_soft_links.h5",
+        "h5py_links_latest.h5",
+        "h5py_many_links.h5",
+        "h5py_layout_5.h5",
+    ];
     let mut refused = 0;
     for name in names {
         let sound = fs::read(file(name)).unwrap();

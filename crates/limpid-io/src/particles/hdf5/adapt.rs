@@ -117,7 +117,12 @@ impl Walk<'_> {
                         self.symbols(path, tree, heap, depth);
                     }
                 }
-                0x06 => self.link(path, at, length, depth),
+                0x02 => {
+                    self.many_links(path, at, depth);
+                }
+                0x06 => {
+                    self.link(path, at, length, depth);
+                }
                 _ => {}
             }
         }
@@ -242,22 +247,51 @@ impl Walk<'_> {
         }
     }
 
-    /// Reads the message of a link of the second version.
-    fn link(&mut self, group: &str, at: usize, length: usize, depth: usize) {
-        let Some(message) = self.bytes.get(at..at + length) else { return };
-        let mut rest = message;
+    /// Reads the links of a group with many, whose message names a heap: blocks of messages, one after the other.
+    fn many_links(&mut self, group: &str, at: usize, depth: usize) -> Option<()> {
+        /// Largest size of a message, bytes.
+        const LONGEST: usize = 1 << 12;
+        let creation_order = self.bytes.get(at + 1)? & 1 != 0;
+        let heap = self.u64(at + if creation_order { 10 } else { 2 })?;
+        let head = self.bytes.get(usize::try_from(heap).ok()?..)?.get(..142)?;
+        let (checked, address) = (head[9] & 2 != 0, |at: usize| number(&head[at..at + 8]));
+        if !head.starts_with(b"FRHP") {
+            return None;
+        }
+        let (width, rows, root) = (number(&head[110..112]), number(&head[140..142]), address(132));
+        // Signature, version, the heap's address, and the block's offset in it.
+        let before = 13 + number(&head[128..130]).div_ceil(8);
+        let mut blocks = vec![root];
+        if rows > 0 && self.bytes.get(root..)?.starts_with(b"FHIB") {
+            let children = self.bytes.get(root.checked_add(before)?..)?.chunks_exact(8);
+            blocks = children.take(rows * width).map(number).collect();
+        }
+        let before = if checked { before + 4 } else { before };
+        for block in blocks {
+            if !self.bytes.get(block..).is_some_and(|block| block.starts_with(b"FHDB")) {
+                continue;
+            }
+            let mut at = block + before;
+            while let Some(left) = self.bytes.len().checked_sub(at)
+                && let Some(length) = self.link(group, at, left.min(LONGEST), depth)
+            {
+                at += length;
+            }
+        }
+        Some(())
+    }
+
+    /// Reads the message of a link of the second version, within `length` bytes. Returns its own length.
+    fn link(&mut self, group: &str, at: usize, length: usize, depth: usize) -> Option<usize> {
+        self.left = self.left.checked_sub(1)?;
+        let mut rest = self.bytes.get(at..at + length)?;
         let mut take = |count: usize| rest.split_off(..count);
-        let Some(&[1, flags]) = take(2) else { return };
+        let &[1, flags] = take(2)? else { return None };
         let kind = if flags & 8 == 0 { Some(0) } else { take(1).map(|kind| kind[0]) };
         let skipped = (flags & 4) * 2 + (flags >> 4 & 1);
-        if take(usize::from(skipped)).is_none() {
-            return;
-        }
-        let width = 1_usize << (flags & 3);
-        let Some(size) = take(width).map(number) else { return };
-        let Some(name) = take(size).map(|name| String::from_utf8_lossy(name).into_owned()) else {
-            return;
-        };
+        take(usize::from(skipped))?;
+        let size = take(1 << (flags & 3)).map(number)?;
+        let name = String::from_utf8_lossy(take(size)?).into_owned();
         let strings = |bytes: &[u8]| -> Vec<String> {
             bytes
                 .split(|&byte| byte == 0)
@@ -266,23 +300,25 @@ impl Walk<'_> {
         };
         match kind {
             Some(0) => {
-                if let Some(address) = take(8).map(|address| number(address) as u64) {
-                    self.object(group, &name, address, depth);
-                }
+                let address = take(8).map(number)? as u64;
+                let own = length - rest.len();
+                self.object(group, &name, address, depth);
+                Some(own)
             }
             Some(1 | 64) => {
-                let Some(value) = take(2).map(number).and_then(take) else { return };
+                let value = take(2).map(number).and_then(take)?;
                 let (file, target) = match kind {
                     Some(1) => (None, String::from_utf8_lossy(value).into_owned()),
                     // Flags, then two strings.
                     _ => match strings(value.get(1..).unwrap_or_default()).as_slice() {
                         [file, target, ..] => (Some(file.clone()), target.clone()),
-                        _ => return,
+                        _ => return None,
                     },
                 };
                 self.links.push(Link { group: group.into(), name, target, file });
+                Some(length - rest.len())
             }
-            _ => {}
+            _ => None,
         }
     }
 
@@ -445,5 +481,30 @@ fn mix(state: &mut [u32; 3]) {
     {
         state[a] = state[a].wrapping_sub(state[b]) ^ state[b].rotate_left(rotation);
         state[b] = state[b].wrapping_add(state[c]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The checksum has the values that its author gives.
+    #[test]
+    fn checksum() {
+        assert_eq!(lookup3(b""), 0xdead_beef);
+        assert_eq!(lookup3(b"Four score and seven years ago"), 0x1777_0551);
+    }
+
+    /// Links lead through others to an object, and a circle of them leads nowhere.
+    #[test]
+    fn links_to_links() {
+        let map = |pairs: &[(&str, &str)]| -> BTreeMap<String, String> {
+            pairs.iter().map(|&(a, b)| (a.into(), b.into())).collect()
+        };
+        let objects = BTreeMap::from([("data/x".to_owned(), 7)]);
+        let aliases = map(&[("a", "b"), ("b", "data"), ("c", "d"), ("d", "c")]);
+        let resolve = |path: &str| resolve(&objects, &aliases, path.into());
+        assert_eq!(["data/x", "b/x", "a/x"].map(resolve), [Some(7); 3]);
+        assert_eq!(["c", "c/x", "a/y", "none"].map(resolve), [None; 4]);
     }
 }
