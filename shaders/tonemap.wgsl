@@ -8,6 +8,7 @@ struct Params {
     curve: u32,  // 0: none, 1: filmic
     encode: u32, // 0: linear, or the target encodes sRGB itself; 1: encode here
     bounded: u32, // 1: the target holds 0 to 1
+    dither: f32,  // width of the dither, a step of the encoded target; 0 for none
 }
 
 @vertex
@@ -31,8 +32,15 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     }
     if tonemap.encode == 1u {
         c = select(1.055 * pow(c, vec3f(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3f(0.0031308));
+        c += vec3f(tonemap.dither * (gradient_noise(position.xy) - 0.5));
     }
     return vec4f(c, texel.a);
+}
+
+// Interleaved gradient noise, 0 to 1: any 3×3 pixels have values far apart (J. Jimenez, Next Generation Post Processing in
+// Call of Duty: Advanced Warfare, 2014).
+fn gradient_noise(p: vec2f) -> f32 {
+    return fract(52.9829189 * fract(dot(p, vec2f(0.06711056, 0.00583715))));
 }
 
 // A rational fit of the ACES reference curve (Narkowicz 2015).

@@ -386,6 +386,8 @@ impl Look {
         scene.settings.caustics.resolution = 384;
         scene.settings.caustics.grid = 256;
         scene.settings.tonemap.curve = Curve::Aces;
+        // The sky and the ground that fades into it are gradients of fewer steps than pixels.
+        scene.settings.tonemap.dither = true;
         scene.settings.tonemap.exposure = lighting.exposure;
         scene
     }

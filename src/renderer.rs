@@ -260,7 +260,7 @@ impl Renderer {
         target: &wgpu::TextureView,
         format: wgpu::TextureFormat,
     ) {
-        let linear = settings::Tonemap { exposure: 0.0, curve: settings::Curve::None };
+        let linear = settings::Tonemap::default();
         self.composite.prepare(&self.gpu, &linear, format);
         let (radiance, span) = (&self.refract.radiance, Span::default());
         self.composite.record(&self.gpu, encoder, radiance, target, format, span);

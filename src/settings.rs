@@ -397,6 +397,9 @@ pub struct Tonemap {
     pub exposure: f32,
     /// Curve applied after exposure.
     pub curve: Curve,
+    /// Whether 8-bit sRGB pictures are dithered, by up to half a step, so that smooth gradients have no bands. The
+    /// default is false: error measures see the steps.
+    pub dither: bool,
 }
 
 /// Settings that reproduce a published method, for comparison with it.

@@ -13,6 +13,7 @@ use frames::{
 };
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
+use limpid::environment::Environment;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splats, classify};
@@ -20,7 +21,7 @@ use limpid::offscreen::Picture;
 use limpid::offscreen::{Offscreen, PendingFrame};
 use limpid::renderer::Renderer;
 use limpid::scene::{Scene, Shape};
-use limpid::settings::{Classify, Solids};
+use limpid::settings::{Classify, Settings, Solids};
 use limpid::wgpu;
 
 const SIZE: UVec2 = UVec2::new(120, 90);
@@ -184,12 +185,11 @@ fn unused_features_do_not_change_the_picture() {
     check("solid on the screen", &beside, &drawn);
     // An environment of another kind.
     let mut constant = scene.clone();
-    constant.environment = limpid::environment::Environment::Constant(Vec3::splat(0.4));
+    constant.environment = Environment::Constant(Vec3::splat(0.4));
     let constant = harness.render(&constant, &camera, &drawn, SIZE);
     let mut map = scene.clone();
     let pixels = vec![[0.4, 0.4, 0.4, 1.0]; 8];
-    map.environment =
-        limpid::environment::Environment::Map { size: UVec2::new(4, 2), pixels: pixels.into() };
+    map.environment = Environment::Map { size: UVec2::new(4, 2), pixels: pixels.into() };
     let map = harness.render(&map, &camera, &drawn, SIZE);
     let mean = mean_difference(&constant, &map);
     println!("map: {mean:.2e}");
@@ -291,6 +291,45 @@ fn one_stop_of_exposure_doubles_the_picture() {
             assert!(off <= 0.6 * step(b[i]) + 1e-4, "{p}: {} of {}", b[i], bright.radiance(p));
         }
     }
+}
+
+/// Dithered pictures have no bands: their bytes differ from the encoded radiance by less than a step, and not on average over
+/// a block, where rounding leaves up to half a step in smooth gradients. Nothing is dithered by default.
+#[test]
+fn dithered_gradients_have_no_bands() {
+    let Some(mut harness) = harness() else { return };
+    let (zenith, horizon) = (Vec3::new(0.23, 0.24, 0.25), Vec3::new(0.24, 0.25, 0.26));
+    let mut scene = Scene {
+        environment: Environment::Gradient { zenith, horizon, nadir: horizon },
+        ..Scene::default()
+    };
+    let (eye, target) = (DVec3::new(0.0, 1.0, 5.0), DVec3::new(0.0, 2.0, 0.0));
+    let camera = Camera { eye, target, ..on_axis(5.0, 40.0) };
+    let mut largest_mean = |dither, most: f64| {
+        scene.settings.tonemap.dither = dither;
+        let shot = harness.render(&scene, &camera, &splats(&[], &[], 0.05), SIZE);
+        let off = |p: UVec2| {
+            let linear = shot.radiance(p).y;
+            let encoded = 255.0 * (1.055 * linear.powf(1.0 / 2.4) - 0.055);
+            f64::from(shot.picture.get_pixel(p.x, p.y).0[1]) - encoded
+        };
+        let mut largest = 0.0f64;
+        for corner in
+            (0..SIZE.y / 10).flat_map(|y| (0..SIZE.x / 10).map(move |x| 10 * UVec2::new(x, y)))
+        {
+            let block = (0..100).map(|i| off(corner + UVec2::new(i % 10, i / 10)));
+            let (mut sum, mut furthest) = (0.0, 0.0f64);
+            block.for_each(|off| (sum, furthest) = (sum + off, furthest.max(off.abs())));
+            assert!(furthest <= most, "{corner}: {furthest} steps");
+            largest = largest.max((sum / 100.0).abs());
+        }
+        largest
+    };
+    let (rounded, dithered) = (largest_mean(false, 0.51), largest_mean(true, 1.01));
+    println!("blocks are off by up to {rounded} steps rounded, {dithered} dithered");
+    assert!(rounded > 0.2, "the gradient has no bands to begin with: {rounded}");
+    assert!(dithered < 0.08, "{dithered}");
+    assert!(!Settings::default().tonemap.dither);
 }
 
 /// Coplanar, collinear, coincident, single and widely scattered particles are drawn and finite.

@@ -21,6 +21,8 @@ pub struct Params {
     pub encode: u32,
     /// 1 if the target holds no more than 1.
     pub bounded: u32,
+    /// Width of the dither: a step of the encoded target, 0 for none.
+    pub dither: f32,
 }
 
 /// Encodes linear light, 0 to 1, as 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
@@ -59,14 +61,16 @@ impl Tonemap {
         settings: &settings::Tonemap,
         format: wgpu::TextureFormat,
     ) {
+        let encode = !format.is_srgb() && !is_linear(format);
         let params = Params {
             gain: settings.exposure.exp2(),
             curve: match settings.curve {
                 Curve::None => 0,
                 Curve::Aces => 1,
             },
-            encode: u32::from(!format.is_srgb() && !is_linear(format)),
+            encode: u32::from(encode),
             bounded: u32::from(!is_linear(format)),
+            dither: if settings.dither && encode { 1.0 / 255.0 } else { 0.0 },
         };
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
         self.pipelines.entry(format).or_insert_with(|| {

@@ -69,7 +69,7 @@ const fn control(
 use ControlKind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the panel's order.
-pub const CONTROLS: [Control; 46] = [
+pub const CONTROLS: [Control; 47] = [
     control(
         "classify",
         "support",
@@ -362,6 +362,13 @@ pub const CONTROLS: [Control; 46] = [
         "Radiance is multiplied by 2 to this power.",
     ),
     control("tonemap", "curve", "Curve", Choice(&["none", "aces"]), "What compresses radiance."),
+    control(
+        "tonemap",
+        "dither",
+        "Dither",
+        Toggle,
+        "Whether smooth gradients are dithered against bands.",
+    ),
 ];
 
 impl Control {
