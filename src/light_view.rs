@@ -62,6 +62,8 @@ pub struct PlacedView {
     pub corner: UVec2,
     /// Whether the view is a cube face around a light in the liquid.
     pub wet: bool,
+    /// Whether the view only tells which direct light the liquid blocks, since another has the light's caustic map.
+    pub direct_only: bool,
 }
 
 impl LightView {

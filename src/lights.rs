@@ -86,8 +86,9 @@ impl Lights {
                 self.passes.truncate(i);
                 self.passes.push(passes);
             }
-            let backs = settings.interfaces > 1;
-            let gaps = gaps::count(gpu, &scene.settings.layers, settings.interfaces, splats);
+            let map_settings = settings_of(placed, settings);
+            let backs = map_settings.interfaces > 1;
+            let gaps = gaps::count(gpu, &scene.settings.layers, map_settings.interfaces, splats);
             let size = view.size;
             let mixture = mixture::is_mixed(scene);
             let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
@@ -115,7 +116,6 @@ impl Lights {
             let uniform = view.uniform(splats.origin);
             surfaces.remove_splats_behind_walls(gpu, scene, &uniform, view.origin, splats);
             surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
-            let map_settings = settings_of(placed, settings);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
             let config = MapConfig { settings: &map_settings, splash, gaps, size };
             caustics.prepare(gpu, camera, bound, scene, config)?;
@@ -243,7 +243,17 @@ fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
         let straight = views.straight.len() as u32;
         if let Some(view) = views.map {
             let (slot, corner) = (0, UVec2::ZERO);
-            placed.push(PlacedView { view, light, slot, straight, layer, corner, wet: false });
+            let (wet, direct_only) = (false, false);
+            placed.push(PlacedView {
+                view,
+                light,
+                slot,
+                straight,
+                layer,
+                corner,
+                wet,
+                direct_only,
+            });
             layer += 1;
         }
         let before = placed.len();
@@ -251,19 +261,35 @@ fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
             let Some(view) = *view else { continue };
             let corner = UVec2::new(i % 3, i / 3) * (resolution / 3);
             let slot = 1 + i as usize;
-            let wet = views.wet;
-            placed.push(PlacedView { view, light, slot, straight, layer, corner, wet });
+            let (wet, direct_only) = (views.wet, views.map.is_some());
+            placed.push(PlacedView {
+                view,
+                light,
+                slot,
+                straight,
+                layer,
+                corner,
+                wet,
+                direct_only,
+            });
         }
         layer += u32::from(placed.len() > before);
     }
     placed
 }
 
-/// The settings for a view's map: a straight view has no caustics.
+/// The settings for a view's map: a straight view has no caustics, and one that only judges direct light needs fronts
+/// alone.
 fn settings_of(placed: &PlacedView, settings: &settings::Caustics) -> settings::Caustics {
+    let interfaces = if placed.direct_only { 1 } else { settings.interfaces };
     match placed.slot {
         0 => settings.clone(),
-        _ => settings::Caustics { method: Method::Straight, blur: 0.0, ..settings.clone() },
+        _ => settings::Caustics {
+            method: Method::Straight,
+            blur: 0.0,
+            interfaces,
+            ..settings.clone()
+        },
     }
 }
 

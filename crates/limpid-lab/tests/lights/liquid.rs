@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, UVec2, Vec3, Vec3Swizzles as _};
 use limpid::light_view::LightView;
 use limpid::liquid::classify::Splats;
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene, Shape, Surface};
 use limpid::settings::Method;
@@ -484,4 +485,25 @@ fn a_block_of_liquid_casts_a_straight_shadow() {
     // The block's edge is rounded by about a particle.
     assert!((level - 1.2).abs() < 0.04, "{level}, not 1.2 m");
     assert!((bump - level).abs() < 0.015, "{level} m, {bump} m with a bump");
+}
+
+/// A second view, which only tells where liquid blocks direct light, has no gaps: they are of the caustic map's view alone.
+/// It is smoothed, for splats at the rim of liquid on a floor reach below it.
+#[test]
+fn views_of_direct_light_have_no_gaps() {
+    let Some(mut harness) = harness() else { return };
+    let at = "kind = \"slab\"\nmin = [-0.6, 0.0, -0.6]\nmax = [0.6, 0.6, 0.6]\ncount = 15000";
+    let (scene, block) = wet(at, &[floor()], &[sun(Vec3::new(1.0, -1.0, 0.0))]);
+    let Harness { gpu, renderer } = &mut *harness;
+    renderer.timing = true;
+    let camera = camera(DVec3::new(0.0, 4.0, 2.0), DVec3::ZERO, 36.0);
+    let frame = Picture::new(gpu, SIZE).expect("a frame");
+    let times = renderer.render(&scene, &camera, &block, &frame.view(), Picture::FORMAT, SIZE);
+    renderer.timing = false;
+    let times = times.expect("the frame is drawn");
+    let count = |name| times.iter().filter(|time| time.name == name).count();
+    if !times.is_empty() {
+        assert_eq!((count("light splat"), count("caustics")), (2, 2));
+        assert_eq!((count("light smooth"), count("light gaps")), (2, 1));
+    }
 }
