@@ -350,7 +350,18 @@ fn faded(solid: Solid, x: vec3f, d: vec3f, radiance: vec3f) -> vec3f {
     return mix(environment_radiance(level), radiance, exp(-solid.inv_fade2 * dot(offset, offset)));
 }
 
+// Change of a ray's unit direction across the part of the picture that it stands for, along either axis.
+struct Spread {
+    x: vec3f,
+    y: vec3f,
+}
+
 fn environment_radiance(d: vec3f) -> vec3f {
+    return environment_over(d, Spread(vec3f(0.0), vec3f(0.0)));
+}
+
+// The same, averaged over directions around d; of a sky, whose sun may be smaller than a pixel shows in a curved surface.
+fn environment_over(d: vec3f, spread: Spread) -> vec3f {
     if ENVIRONMENT == ENVIRONMENT_CONSTANT {
         return scene.zenith;
     }
@@ -359,22 +370,35 @@ fn environment_radiance(d: vec3f) -> vec3f {
         return mix(scene.horizon, end, abs(d.y));
     }
     if ENVIRONMENT == ENVIRONMENT_SKY {
-        return sky_radiance(d);
+        return sky_radiance(d, spread);
     }
     return environment_lookup(d);
 }
 
-fn sky_radiance(d: vec3f) -> vec3f {
+fn sky_radiance(d: vec3f, spread: Spread) -> vec3f {
     let rise = abs(d.y);
     let end = select(scene.nadir, scene.zenith, d.y > 0.0);
-    let glows = glow_radiance(0, d) + glow_radiance(1, d);
+    let glows = glow_over(0, d, spread) + glow_over(1, d, spread);
     return mix(scene.horizon, end, rise * (2.0 - rise)) + glows;
 }
 
-// A spherical Gaussian.
-fn glow_radiance(i: i32, d: vec3f) -> vec3f {
+// A spherical Gaussian: of variance 1 / lobe.w along either axis, to which the pixel adds a sixth of the spread's squares, as
+// a tent does from centre to centre: a square's twelfth leaves lines dotted. Their sum is (I + x xᵀ + y yᵀ) / lobe.w, inverted
+// by Woodbury's identity.
+fn glow_over(i: i32, d: vec3f, spread: Spread) -> vec3f {
     let lobe = scene.glow_lobes[i];
-    return scene.glow_radiances[i].rgb * exp(lobe.w * (dot(lobe.xyz, d) - 1.0));
+    let scale = sqrt(lobe.w / 6.0);
+    let x = scale * spread.x;
+    let y = scale * spread.y;
+    let offset = lobe.xyz - d;
+    let along = vec2f(dot(x, offset), dot(y, offset));
+    let xx = 1.0 + dot(x, x);
+    let yy = 1.0 + dot(y, y);
+    let xy = dot(x, y);
+    let determinant = max(xx * yy - xy * xy, 1.0);
+    let taken = (yy * along.x * along.x - 2.0 * xy * along.x * along.y + xx * along.y * along.y) / determinant;
+    let exponent = lobe.w * (dot(lobe.xyz, d) - 1.0 + 0.5 * taken);
+    return scene.glow_radiances[i].rgb * exp(min(exponent, 0.0)) * inverseSqrt(determinant);
 }
 
 // Lookup in an equirectangular map, with -z at its centre and +y in its top row. Bilinear filtering

@@ -267,6 +267,7 @@ struct Look {
     screen: bool,    // whether solids may be looked up in the G-buffer first
     ambient: vec3f,  // share of ambient light that reaches the solid
     travelled: f32,  // length of the path from the eye to o
+    spread: Spread,  // of d, in world axes
 }
 
 fn look(ray: Look) -> vec3f {
@@ -284,7 +285,7 @@ fn look(ray: Look) -> vec3f {
             return ray.weight * texel_radiance(hit.texel, ray.ambient, ray.travelled);
         }
     }
-    return ray.weight * radiance_of(ray.solid, ray.o, ray.d, ray.ambient, ray.travelled);
+    return ray.weight * radiance_of(ray.solid, ray.o, ray.d, ray.ambient, ray.travelled, ray.spread);
 }
 
 // Width of a ray after a path of this length: that of a pixel, shared among its rays, which flat
@@ -311,17 +312,60 @@ fn texel_radiance(texel: vec2i, ambient: vec3f, travelled: f32) -> vec3f {
 }
 
 // Radiance of the solid that the ray hits, or of the environment.
-fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f, travelled: f32) -> vec3f {
+fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f, travelled: f32, spread: Spread) -> vec3f {
     let world_d = camera_world_direction(d);
     if BACKGROUND && solid.t >= NOTHING && is_ahead(o, d) {
         return background_radiance(o, d, travelled);
     }
     if solid.t >= NOTHING {
-        return environment_radiance(world_d);
+        return environment_over(world_d, spread);
     }
     let x = camera_world_point(o) + solid.t * world_d;
     let width = ray_width(travelled + solid.t);
     return solid_radiance(solid.index, solid.triangle, x, solid.normal, world_d, ambient, width);
+}
+
+// Plane of the nearest liquid at a texel; empty if there is none.
+fn front_at(texel: vec2i) -> vec3f {
+    let at = clamp(texel, vec2i(0), vec2i(camera.size) - 1);
+    var front = textureLoad(aggregate_layers, at, FRONT$level).xyz;
+    if SPLASH {
+        let omega = camera_omega(vec2f(at) + 0.5);
+        let splash = textureLoad(splash_layers, at, FRONT$level).xyz;
+        front = select(front, splash, dot(splash, omega) > dot(front, omega));
+    }
+    return front;
+}
+
+// More than normals change, of a side without liquid.
+const UNKNOWN: f32 = 1e9;
+
+// Change of the normal from texel to texel along an axis: on the side where it changes less, for on the other there may
+// be another surface.
+fn normal_change(texel: vec2i, axis: vec2i, n: vec3f) -> vec3f {
+    let before = front_at(texel - axis);
+    let after = front_at(texel + axis);
+    let to_before = select(n - plane_normal(before), vec3f(UNKNOWN), plane_is_empty(before));
+    let to_after = select(plane_normal(after) - n, vec3f(UNKNOWN), plane_is_empty(after));
+    let change = select(to_after, to_before, dot(to_before, to_before) < dot(to_after, to_after));
+    return select(change, vec3f(0.0), change.x >= UNKNOWN);
+}
+
+// Spread of the rays of direction d that the liquid reflects within a pixel.
+fn reflected_spread(texel: vec2i, front: vec3f, d: vec3f) -> Spread {
+    let n = plane_normal(front);
+    let share = inverseSqrt(f32(SAMPLES));
+    let x = share * normal_change(texel, vec2i(1, 0), n);
+    let y = share * normal_change(texel, vec2i(0, 1), n);
+    return Spread(
+        camera_world_direction(reflected_change(d, n, x)),
+        camera_world_direction(reflected_change(d, n, y)),
+    );
+}
+
+// Change of reflect(d, n) with that of n.
+fn reflected_change(d: vec3f, n: vec3f, change: vec3f) -> vec3f {
+    return -2.0 * (dot(d, change) * n + dot(d, n) * change);
 }
 
 fn in_picture(x: vec3f) -> bool {
@@ -393,6 +437,11 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
     var inside = hit.found && disparity >= camera_near_disparity();
     var eye = true;
     var travelled = 0.0;
+    // Of the light that the first interface reflects.
+    var spread: Spread;
+    if ENVIRONMENT == ENVIRONMENT_SKY && hit.found && !inside {
+        spread = reflected_spread(texel, front, d);
+    }
     if inside {
         o = select(omega * camera.near, camera_point(omega, camera_near_disparity()), ORTHOGRAPHIC);
     }
@@ -458,7 +507,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
         }
         eye = false;
         if !rises {
-            seen = Look(o, d, solid, end_scale * weight, screen, vec3f(1.0), travelled);
+            seen = Look(o, d, solid, end_scale * weight, screen, vec3f(1.0), travelled, Spread());
         }
         if !ends {
             travelled += distance(o, hit.position);
@@ -484,6 +533,8 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             let out = select(1.0, scale, inside);
             seen.o = o;
             seen.travelled = travelled;
+            seen.spread = spread;
+            spread = Spread();
             seen.d = select(reflected, transmitted, bounce);
             seen.weight = weight * select(f * out, through, bounce);
             seen.screen = inside && (bounce || REFLECT_SOLIDS);

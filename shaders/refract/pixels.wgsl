@@ -28,7 +28,7 @@ fn background_ray(u: vec2f) -> vec4f {
     let o = camera_ray_origin(omega);
     let d = camera_ray_direction(omega);
     let solid = solid_ahead(o, d);
-    let seen = radiance_of(solid, o, d, vec3f(1.0), 0.0);
+    let seen = radiance_of(solid, o, d, vec3f(1.0), 0.0, Spread());
     return select(vec4f(seen, 1.0), vec4f(0.0), TRANSPARENT && solid.t >= NOTHING);
 }
 

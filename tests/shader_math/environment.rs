@@ -187,3 +187,72 @@ fn environment_sky() {
     let sky = Environment::Sky { zenith, horizon, nadir, glows: [sun, Glow::NONE] };
     assert_near(f64::from(sky.mean().x), 0.5e-4, 1e-9, "the mean of a sharp lobe");
 }
+
+/// A glow in a curved surface is averaged over the rays of a pixel. Without a spread it is the glow itself; with one along x
+/// its integral over d is the same; and the pixels in a row across a glow that is a sixth of a pixel wide add up to the
+/// same light, to a tenth, wherever the row begins, where single rays see up to all of it or none.
+#[test]
+fn glows_are_averaged_over_a_pixel() {
+    let Some(gpu) = gpu() else { return };
+    let sharpness = 900.0;
+    let lobe = DVec3::new(0.36, 0.48, 0.8);
+    let across = DVec3::new(0.8, -0.6, 0.0);
+    let along = lobe.cross(across);
+    let scene = SceneUniform {
+        glow_lobes: [lobe.extend(sharpness).as_vec4().to_array(), [0.0, 1.0, 0.0, 1.0]],
+        glow_radiances: [[1.0, 2.0, 3.0, 0.0], [0.0; 4]],
+        ..bytemuck::Zeroable::zeroed()
+    };
+    let (buffer, map) = (uniform(gpu, &scene), texture(gpu, UVec2::ONE, &[&[[0.0; 4]]]));
+    let kernel = Kernel {
+        imports: &["common/scene.wgsl"],
+        body: "fn test(x: array<f32, 9>) -> array<f32, 3> {
+            let spread = Spread(vec3f(x[3], x[4], x[5]), vec3f(x[6], x[7], x[8]));
+            let c = environment_over(vec3f(x[0], x[1], x[2]), spread);
+            return array(c.x, c.y, c.z);
+        }",
+        constants: &[("ENVIRONMENT", 3.0)],
+        resources: &[
+            (2, 0, buffer.as_entire_binding()),
+            (2, 3, wgpu::BindingResource::TextureView(&map)),
+        ],
+    };
+    let seen = |d: DVec3, x: DVec3, y: DVec3| {
+        case::<9>(&[&d.normalize().to_array(), &x.to_array(), &y.to_array()])
+    };
+    // Standard deviation of the glow, radians.
+    let sigma = 1.0 / f64::from(sharpness).sqrt();
+
+    let mut random = Random(18);
+    let near: Vec<_> = (0..200).map(|_| lobe + 0.1 * random.direction()).collect();
+    let cases: Vec<_> = near.iter().map(|&d| seen(d, DVec3::ZERO, DVec3::ZERO)).collect();
+    for (d, result) in near.iter().zip(kernel.run::<9, 3>(gpu, &cases)) {
+        let plain = (f64::from(sharpness) * (lobe.dot(d.normalize()) - 1.0)).exp();
+        let expected = plain * DVec3::new(1.0, 2.0, 3.0);
+        assert_near(vec3(&result).distance(expected), 0.0, 1e-3, "without a spread");
+    }
+
+    for spread in [2.0, 6.0].map(|widths| widths * sigma) {
+        for (x, y) in [(spread * across, 0.5 * spread * along), (spread * along, DVec3::ZERO)] {
+            let step = 0.25 * sigma;
+            let at = |i: i32| step * f64::from(i);
+            let places = (-160..=160).flat_map(|i| (-160..=160).map(move |j| (at(i), at(j))));
+            let cases: Vec<_> =
+                places.map(|(u, v)| seen(lobe + u * across + v * along, x, y)).collect();
+            let sum: f64 = kernel.run::<9, 3>(gpu, &cases).iter().map(|c| f64::from(c[0])).sum();
+            let expected = TAU * sigma * sigma;
+            assert_near(sum * step * step / expected, 1.0, 0.05, "the light of a glow");
+        }
+    }
+
+    let spread = 6.0 * sigma;
+    let row = |phase: f64| {
+        let at = |i: i32| lobe + (f64::from(i) + phase) * spread * across;
+        let cases: Vec<_> = (-6..=6).map(|i| seen(at(i), spread * across, DVec3::ZERO)).collect();
+        kernel.run::<9, 3>(gpu, &cases).iter().map(|c| f64::from(c[0])).sum::<f64>()
+    };
+    let expected = TAU.sqrt() * sigma / spread;
+    for phase in [0.0, 0.2, 0.35, 0.5] {
+        assert_near(row(phase) / expected, 1.0, 0.1, &format!("a row that begins at {phase}"));
+    }
+}
