@@ -304,6 +304,9 @@ fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight, rounding: f32) -> bool {
     return scene_blocks(start, to_light.direction, to_light.distance);
 }
 
+// What the last ray would have seen more if a lit, filtered pattern had its mean colour everywhere.
+var<private> without_pattern: vec3f;
+
 // Radiance from the solid at x along -d, seen by a ray of this width there: its colour, or the Lambertian
 // reflection of the lights and of the share `ambient` of the ambient light.
 fn solid_radiance(
@@ -337,7 +340,14 @@ fn solid_radiance(
         }
         irradiance_over_pi += light_with_liquid(i, x, n, direct);
     }
-    return faded(solid, x, d, color * select(vec3f(1.0), irradiance_over_pi, solid.lit == 1u));
+    let lit = select(vec3f(1.0), irradiance_over_pi, solid.lit == 1u);
+    if FILTER_PATTERNS {
+        // As in `shape_of`.
+        let filtered = solid.lit == 1u && select(solid.texture, 0u, x.x > 3e38) == 0u && solid.tile > 0.0;
+        let change = (0.5 * (solid.even + solid.odd) - color) * lit * faded_share(solid, x);
+        without_pattern = select(vec3f(0.0), change, filtered);
+    }
+    return faded(solid, x, d, color * lit);
 }
 
 // Radiance of a solid with its share of the environment at the horizon.
@@ -345,9 +355,17 @@ fn faded(solid: Solid, x: vec3f, d: vec3f, radiance: vec3f) -> vec3f {
     if !FADES {
         return radiance;
     }
-    let offset = x - solid.middle;
     let level = vec3f(d.x, 0.0, d.z) * inverseSqrt(max(dot(d.xz, d.xz), 1e-20));
-    return mix(environment_radiance(level), radiance, exp(-solid.inv_fade2 * dot(offset, offset)));
+    return mix(environment_radiance(level), radiance, faded_share(solid, x));
+}
+
+// Share of a solid's radiance at x that does not fade.
+fn faded_share(solid: Solid, x: vec3f) -> f32 {
+    if !FADES {
+        return 1.0;
+    }
+    let offset = x - solid.middle;
+    return exp(-solid.inv_fade2 * dot(offset, offset));
 }
 
 // Change of a ray's unit direction across the part of the picture that it stands for, along either axis.

@@ -19,23 +19,33 @@ override EDGE_SAMPLES: u32 = 16u; // rays per edge pixel without liquid
 // Of `structured_pixels`: the picture with one ray per pixel.
 @group(1) @binding(11) var first_radiance: texture_2d<f32>;
 
-// Relative difference of radiance that distinguishes an edge from shading, and from filtered patterns.
+// Relative difference of radiance that distinguishes an edge from shading, and from the light through liquid where patterns
+// are filtered.
 const EDGE: f32 = 0.02;
 const FILTERED_EDGE: f32 = 0.1;
 
-fn background_ray(u: vec2f) -> vec4f {
+// What a ray sees beside the liquid, and what tells it from its neighbours across an edge.
+struct Background {
+    seen: vec4f,
+    compared: vec4f, // radiance and coverage; where patterns are filtered, without them, and with the solid's number
+}
+
+fn background_ray(u: vec2f) -> Background {
     let omega = camera_omega(u);
     let o = camera_ray_origin(omega);
     let d = camera_ray_direction(omega);
     let solid = solid_ahead(o, d);
-    let seen = radiance_of(solid, o, d, vec3f(1.0), 0.0, Spread());
-    return select(vec4f(seen, 1.0), vec4f(0.0), TRANSPARENT && solid.t >= NOTHING);
+    without_pattern = vec3f(0.0);
+    let radiance = vec4f(radiance_of(solid, o, d, vec3f(1.0), 0.0, Spread()), 1.0);
+    let seen = select(radiance, vec4f(0.0), TRANSPARENT && solid.t >= NOTHING);
+    let number = select(0.0, f32(solid.index + 1u), FILTER_PATTERNS && solid.t < NOTHING);
+    return Background(seen, seen + vec4f(without_pattern, number));
 }
 
 fn background_mean(p: vec2i, count: u32) -> vec4f {
     var sum = vec4f(0.0);
     for (var i = 0u; i < count; i++) {
-        sum += background_ray(vec2f(p) + sample_offset(i, count));
+        sum += background_ray(vec2f(p) + sample_offset(i, count)).seen;
     }
     return sum / f32(count);
 }
@@ -66,23 +76,24 @@ fn draw_background(p: vec2i) {
         if probe >= 5u {
             at = sample_offset(probe - 5u, EDGE_SAMPLES);
         }
-        let seen = background_ray(vec2f(p) + select(at, vec2f(0.5), probe == 4u));
+        let ray = background_ray(vec2f(p) + select(at, vec2f(0.5), probe == 4u));
         if probe < 5u {
-            low = min(low, seen);
-            high = max(high, seen);
+            low = min(low, ray.compared);
+            high = max(high, ray.compared);
         } else {
-            sum += seen;
+            sum += ray.seen;
         }
-        if probe == 4u && (is_flat(p, seen, low, high) || is_deferred(p)) {
+        if probe == 4u && (is_flat(p, ray.seen, low, high) || is_deferred(p)) {
             return;
         }
     }
     textureStore(radiance, p, sum / f32(EDGE_SAMPLES));
 }
 
-// Draws a pixel whose probes hardly differ in the colour of its centre.
+// Draws a pixel in the colour of its centre if its probes see one solid and hardly differ: by `Background.compared`.
 fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
-    let flat = all(high - low <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high);
+    let even = all(high.rgb - low.rgb <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high.rgb);
+    let flat = even && high.w == low.w;
     if flat {
         textureStore(radiance, p, centre);
     }
@@ -196,20 +207,19 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         }
         return;
     }
-    // Adjacent pixels share corners: each thread shades one, 17 threads another on the far sides, and each
-    // the centre of its pixel. One loop, as in `draw_background`.
+    // Adjacent pixels share corners: each thread shades one and the centre of its pixel, and 17 threads another corner on the
+    // far sides. One loop, as in `draw_background`; software adapters skip its last turn in groups of threads without one.
     let thread = i32(local.y) * 8 + i32(local.x);
     let first = p - vec2i(local.xy);
     let far = select(vec2i(8, thread), vec2i(thread - 9, 8), thread >= 9);
-    var centre = vec4f(0.0);
-    for (var k = 0; k < 3; k++) {
-        if k == 1 && thread >= 17 {
-            continue;
-        }
-        let corner = vec2f(select(p, first + far, k == 1));
-        centre = background_ray(corner + select(0.0, 0.5, k == 2));
-        if k < 2 {
-            tile_corners[select(thread + i32(local.y), far.y * 9 + far.x, k == 1)] = centre;
+    var centre: Background;
+    for (var k = 0; k < select(2, 3, thread < 17); k++) {
+        let corner = vec2f(select(p, first + far, k == 2));
+        let ray = background_ray(corner + select(0.0, 0.5, k == 1));
+        if k == 1 {
+            centre = ray;
+        } else {
+            tile_corners[select(thread + i32(local.y), far.y * 9 + far.x, k == 2)] = ray.compared;
         }
     }
     workgroupBarrier();
@@ -220,17 +230,17 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         textureStore(diagnostics, p, vec4f(0.0));
     }
     let at = i32(local.y) * 9 + i32(local.x);
-    var low = centre;
-    var high = centre;
+    var low = centre.compared;
+    var high = centre.compared;
     for (var k = 0; k < 4; k++) {
         let corner = tile_corners[at + (k & 1) + 9 * (k >> 1u)];
         low = min(low, corner);
         high = max(high, corner);
     }
-    if !is_flat(p, centre, low, high) && !is_deferred(p) {
+    if !is_flat(p, centre.seen, low, high) && !is_deferred(p) {
         textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
     }
 }
 
-// Radiance of the background at the corners of a tile's pixels, by rows.
+// `Background.compared` at the corners of a tile's pixels, by rows.
 var<workgroup> tile_corners: array<vec4f, 81>;

@@ -236,3 +236,25 @@ fn grounds_fade_into_the_sky() {
         assert_close(below, above, 2e-3, "the horizon");
     }
 }
+
+/// A pattern that is filtered has no edges that need many rays: with 16 of them at edges a lit ground has the bits that it
+/// has with one. Solids on it have: they change its picture.
+#[test]
+fn filtered_patterns_have_no_edges() {
+    let Some(mut harness) = harness() else { return };
+    let checker = Surface::Checker { tile: 0.5, even: Vec3::splat(0.6), odd: Vec3::splat(0.3) };
+    let ground = Solid { surface: checker, ..floor() };
+    let ball = lit(Shape::Sphere { center: DVec3::new(0.0, 1.0, 0.0), radius: 0.6 });
+    let camera = camera(DVec3::new(1.0, 2.0, 6.0), DVec3::new(0.0, -0.6, 0.0), 30.0);
+    for (solids, differs) in [(vec![ground.clone()], false), (vec![ground, ball], true)] {
+        let mut scene = dry(&solids, &[sun(Vec3::new(0.3, -1.0, 0.2))]);
+        scene.settings.refract.filter_patterns = true;
+        let shots = [1, 16].map(|edge_samples| {
+            scene.settings.refract.edge_samples = edge_samples;
+            harness.render(&scene, &camera, &nothing(), SIZE)
+        });
+        let [one, many] = shots.each_ref().map(|shot| shot.channel("radiance.G"));
+        assert!(one.iter().any(|&r| r > 0.5) && one.iter().any(|&r| r < 0.3), "both tiles");
+        assert_eq!(one != many, differs, "{} solids", solids.len());
+    }
+}
