@@ -4,10 +4,10 @@
 
 FOLDER has the mutants of the test `changed_fields_are_refused_or_said` (LIMPID_HOSTILE_HDF5), each beside what limpid
 made of it. With PROGRAM, the program limpid, as many files (1,000) are written by h5py itself, in all its layouts, and
-changed by a few bytes, from the seed LIMPID_SEED on.
+four of five changed by a byte, from the seed LIMPID_SEED on.
 
-A file that limpid refuses is no fault. One that it reads must have the places that h5py reads, or, where h5py refuses
-it, those of the valid file.
+A damaged file that limpid refuses is no fault. One that it reads must have the places of the valid file, or those that
+h5py reads from it.
 """
 
 from __future__ import annotations
@@ -65,9 +65,11 @@ def alike(found, expected):
 
 def fault(path, found, valid):
     """What is wrong with the places that limpid has read, if anything."""
+    if alike(found, valid):
+        return None
     expected = truth(path)
     if expected is None:
-        return None if alike(found, valid) else f"{len(found)} other particles, and h5py refuses the file"
+        return f"{len(found)} other particles, and h5py refuses the file"
     return None if alike(found, expected) else f"{len(found)} particles, by h5py {expected.shape} others"
 
 
@@ -112,13 +114,12 @@ def write(path, places, draw):
 
 
 def change(data, draw):
-    """Changes a few bytes of a file, most often where its structure is."""
+    """Changes a byte of a file, most often where its structure is."""
     marks = [b"\x89HDF", b"TREE", b"SNOD", b"HEAP", b"OHDR", b"OCHK", b"FRHP", b"BTHD", b"FADB", b"EAHD"]
     starts = [data.find(mark) for mark in marks if mark in data]
-    for _ in range(draw.randint(1, 2)):
-        near = draw.choice(starts) + draw.randrange(200) if draw.random() < 0.7 else draw.randrange(len(data))
-        at = min(near, len(data) - 1)
-        data[at] = draw.choice([0, 1, 255, data[at] ^ 1 << draw.randrange(8), (data[at] + 1) % 256, (data[at] - 1) % 256])
+    near = draw.choice(starts) + draw.randrange(200) if draw.random() < 0.7 else draw.randrange(len(data))
+    at = min(near, len(data) - 1)
+    data[at] = draw.choice([0, 1, 255, data[at] ^ 1 << draw.randrange(8), (data[at] + 1) % 256, (data[at] - 1) % 256])
 
 
 def written_by_h5py(program, folder, rounds):
@@ -134,8 +135,9 @@ def written_by_h5py(program, folder, rounds):
             change(data, draw)
             path.write_bytes(data)
         out.unlink(missing_ok=True)
-        done = subprocess.run([program, "convert", path, out], capture_output=True, text=True, timeout=120, check=False)
-        if done.returncode not in (0, 3, 4) or "panicked" in done.stderr:
+        done = subprocess.run([program, "convert", "--up", "y", path, out], capture_output=True, text=True, timeout=120, check=False)
+        valid = number % 5 == 0
+        if done.returncode not in (0, 3, 4) or "panicked" in done.stderr or (valid and done.returncode):
             raise SystemExit(f"{path.name}: exit code {done.returncode}: {done.stderr}")
         if done.returncode == 0:
             yield path, np.load(out), places.astype(np.float32)

@@ -82,7 +82,7 @@ fn frames(written: Written) -> Written {
     Written { frames, ..written }
 }
 
-/// A time series of ParaView.
+/// A time series of `ParaView`.
 pub(super) fn pvd(f: &mut Fields) -> Written {
     let step = |f: &mut Fields, (i, name): (usize, &&str)| {
         let time = (0.1 * i as f64).to_string();
