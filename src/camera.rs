@@ -147,7 +147,7 @@ impl Lens {
         let fail = |problem: &str| Err(Error::invalid("camera", problem));
         match self {
             Self::Orthographic { height } if !(height > 0.0 && height < 1e18) => {
-                fail("height must be above 0")
+                fail("height must be above 0 and below 1e18")
             }
             Self::Pinhole { focal, principal, size }
                 if !(focal.min(size).min_element() > 0.0
@@ -361,6 +361,10 @@ impl Camera {
         let fail = |problem: &str| Err(Error::invalid("camera", problem));
         let view = (self.target - self.eye).normalize_or_zero();
         let up = self.up.as_dvec3();
+        // Before the field of view, which is computed from the lens.
+        if let Some(lens) = self.lens {
+            lens.check()?;
+        }
         if !(is_position(self.eye) && is_position(self.target) && up.is_finite()) {
             fail("eye, target and up must be finite")
         } else if view == DVec3::ZERO {
@@ -375,7 +379,7 @@ impl Camera {
         } else if !(self.near() > 0.0 && self.near().is_finite()) {
             fail("near must be above 0")
         } else {
-            self.lens.map_or(Ok(()), Lens::check)
+            Ok(())
         }
     }
 

@@ -342,10 +342,10 @@ impl Scene {
             return fail("[fluid]", &format!("at most {MAX_FLUIDS} fluids can be drawn"));
         }
         if self.solids.len() > MAX_SOLIDS {
-            return fail("[[solid]]", &format!("at most {MAX_SOLIDS} solids can be drawn"));
+            return fail("[solid]", &format!("at most {MAX_SOLIDS} solids can be drawn"));
         }
         if self.lights.len() > MAX_LIGHTS {
-            return fail("[[light]]", &format!("at most {MAX_LIGHTS} lights can be drawn"));
+            return fail("[light]", &format!("at most {MAX_LIGHTS} lights can be drawn"));
         }
         if !self.environment.is_drawable() {
             return fail("environment", "radiances must be 0 to 1e12");

@@ -15,12 +15,14 @@ pub use limpid::error::printable;
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// The location of a problem in a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Location {
     /// Offset from the start of the (decompressed) contents, bytes.
     Byte(u64),
     /// Line number, from 1.
     Line(u64),
+    /// The part of a document, by its path in it: `nodes[3]`.
+    Part(String),
 }
 
 impl fmt::Display for Location {
@@ -28,6 +30,7 @@ impl fmt::Display for Location {
         match self {
             Self::Byte(offset) => write!(f, "byte {offset}"),
             Self::Line(line) => write!(f, "line {line}"),
+            Self::Part(part) => f.write_str(part),
         }
     }
 }
@@ -274,6 +277,16 @@ impl Error {
             Self::Frame { source, .. } | Self::Input { source, .. } => source.category(),
             Self::Shared(error) => error.category(),
             Self::Render(error) => error.into(),
+        }
+    }
+
+    /// Whether a file cannot be read: it is missing, damaged or of another format. Others may be read then.
+    pub fn is_of_reading(&self) -> bool {
+        match self {
+            Self::Shared(error) => error.is_of_reading(),
+            Self::Frame { source, .. } => source.is_of_reading(),
+            Self::Io { action, .. } if !matches!(*action, "read" | "list") => false,
+            _ => matches!(self.category(), Category::Data | Category::Format),
         }
     }
 

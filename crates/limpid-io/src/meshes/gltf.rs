@@ -202,7 +202,7 @@ impl<'a> Reader<'a, '_, '_> {
                 let problem = "it has several parents, or is its own; nodes must form a tree";
                 return Err(self.error(&part, problem));
             }
-            let transform = *parent * local(node);
+            let transform = *parent * local(node).map_err(|problem| self.error(&part, problem))?;
             rest.push((node.children.iter(), transform));
             self.node(node, transform, &part)?;
         }
@@ -217,7 +217,7 @@ impl<'a> Reader<'a, '_, '_> {
         if node.skin.is_some() {
             let problem =
                 "its mesh is moved by bones (`skin`), which are not read; apply the armature";
-            return Err(self.error(part, problem));
+            return Err(self.buffers.unread(part, problem));
         }
         let weights = node.weights.as_ref().or(mesh.weights.as_ref());
         let morphed = weights.is_some_and(|weights| weights.iter().any(|&weight| weight != 0.0));
@@ -226,7 +226,7 @@ impl<'a> Reader<'a, '_, '_> {
             let part = format!("{part}, meshes[{index}].primitives[{i}]");
             if morphed && !primitive.targets.is_empty() {
                 let problem = "its shape keys (morph targets) are not read; apply them";
-                return Err(self.error(&part, problem));
+                return Err(self.buffers.unread(&part, problem));
             }
             self.primitive(primitive, transform, &mut vertices, &part)?;
         }
@@ -452,7 +452,7 @@ impl<'a> Reader<'a, '_, '_> {
                 Some(Err(problem)) => Err(self.error(&part, &problem)),
                 None => match file_beside(self.path, uri) {
                     Ok(path) => return self.mesh.texture(&path),
-                    Err(problem) => Err(self.error(&part, &problem)),
+                    Err(problem) => Err(self.buffers.unread(&part, &problem)),
                 },
             },
             (None, Some(view)) => {
@@ -492,19 +492,25 @@ impl TextureTransform {
 }
 
 /// The transform of a node in its parent.
-fn local(node: &Node) -> DAffine3 {
+/// The transform of a node in its parent, or the problem of it.
+fn local(node: &Node) -> Result<DAffine3, &'static str> {
     if let Some(matrix) = &node.matrix {
-        return DAffine3::from_mat4(DMat4::from_cols_array(matrix));
+        return Ok(DAffine3::from_mat4(DMat4::from_cols_array(matrix)));
     }
     let vector = |vector: &Option<Box<[f64; 3]>>, default: DVec3| {
         vector.as_deref().map_or(default, |&vector| DVec3::from(vector))
     };
     let rotation = node.rotation.as_deref().map_or(DQuat::IDENTITY, |&q| DQuat::from_array(q));
-    DAffine3::from_scale_rotation_translation(
+    // A length that overflows or underflows leaves no direction.
+    let rotation = rotation.normalize();
+    if !rotation.is_normalized() {
+        return Err("`rotation` must be a quaternion x, y, z, w that is not zero");
+    }
+    Ok(DAffine3::from_scale_rotation_translation(
         vector(&node.scale, DVec3::ONE),
-        rotation.normalize(),
+        rotation,
         vector(&node.translation, DVec3::ZERO),
-    )
+    ))
 }
 
 /// The inverse transpose, times a positive number: the cofactors, so that it exists for all matrices.

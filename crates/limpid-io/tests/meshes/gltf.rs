@@ -521,7 +521,7 @@ fn indices_and_lengths_out_of_range_name_their_part() {
     check_error(&[("/buffers/0/uri", "data:x;base64,*".into())], &["buffers[0]: not base64"]);
     check_error(
         &[("/nodes/0/rotation", json!([0, 0, 0, 0]))],
-        &["nodes[0], meshes[0]", "vertex 1", "NaN"],
+        &["nodes[0]: `rotation`", "quaternion", "not zero"],
     );
     check_error(&[("/nodes/0/scale", json!([1e300, 1, 1]))], &["nodes[0]", "less than 1e18"]);
     check_error(&[("/nodes/0/children", json!([0]))], &["nodes[0]", "must form a tree"]);

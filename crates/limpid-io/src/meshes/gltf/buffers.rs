@@ -39,14 +39,14 @@ impl<'a> Buffers<'a> {
                 None if i == 0 && binary.is_some() => {
                     Arc::new(Cow::Borrowed(binary.unwrap_or_default()))
                 }
-                None => return Err(this.error(&name, &this.without("no data (`uri`)"))),
+                None => return Err(this.without(&name, "no data (`uri`)")),
                 Some(uri) => match embedded(uri) {
                     Some(bytes) => {
                         Arc::new(Cow::Owned(bytes.map_err(|problem| this.error(&name, &problem))?))
                     }
                     None => {
                         let beside = file_beside(path, uri);
-                        let beside = beside.map_err(|problem| this.error(&name, &problem))?;
+                        let beside = beside.map_err(|problem| this.unread(&name, &problem))?;
                         let key = beside.canonicalize().unwrap_or_else(|_| beside.clone());
                         match known.get(&key) {
                             Some(bytes) => bytes.clone(),
@@ -74,17 +74,25 @@ impl<'a> Buffers<'a> {
         Ok(this)
     }
 
-    /// The error of a part of the document.
+    /// The error of a part of the document that is damaged.
     pub(super) fn error(&self, part: &str, problem: &str) -> Error {
+        Error::malformed(self.path, Location::Part(part.to_owned()), problem)
+    }
+
+    /// The error of a part of the document that has what is not read.
+    pub(super) fn unread(&self, part: &str, problem: &str) -> Error {
         Error::format(self.path, format!("{part}: {problem}"))
     }
 
-    /// A problem that may be due to compression.
-    fn without(&self, problem: &str) -> String {
+    /// The error of a part without data, which may be due to compression.
+    fn without(&self, part: &str, problem: &str) -> Error {
         let used = self.document.extensions_used.iter();
         match used.into_iter().find(|name| name.ends_with("_compression")) {
-            Some(name) => format!("{problem}; {name} is not read, export without compression"),
-            None => problem.to_owned(),
+            Some(name) => {
+                let remedy = format!("{name} is not read, export without compression");
+                self.unread(part, &format!("{problem}; {remedy}"))
+            }
+            None => self.error(part, problem),
         }
     }
 
@@ -134,7 +142,7 @@ impl<'a> Buffers<'a> {
         }
         let scalar = self.scalar(accessor.component_type, part)?;
         let Some(view) = accessor.buffer_view else {
-            return Err(self.error(part, &self.without("no data (`bufferView`)")));
+            return Err(self.without(part, "no data (`bufferView`)"));
         };
         let normalized = if accessor.normalized { largest(scalar) } else { None };
         let number = |column: Column, bytes: &[u8]| {
