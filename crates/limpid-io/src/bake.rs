@@ -15,6 +15,8 @@ use crate::error::{Error, Result};
 use crate::output;
 use crate::particles;
 
+use self::record::Record;
+
 /// The progress of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
@@ -22,6 +24,8 @@ pub struct Progress {
     pub done: u32,
     /// Number of all frames.
     pub frames: u32,
+    /// Whether the last of the frames on disk was there, but damaged, and has been made again.
+    pub again: bool,
 }
 
 /// Default folder for the frames of a scene file: `sims/baked/dam_break` for `sims/dam_break.toml`.
@@ -40,15 +44,17 @@ pub fn frame_pattern(folder: &Path, name: &str) -> String {
     folder.join(format!("{name}_{{}}.bgeo")).to_string_lossy().into_owned()
 }
 
-/// Simulates the frames that are missing in `folder`, with `solids` as obstacles.
+/// Simulates the frames that are missing in `folder`, with `solids` as obstacles, and makes those again that
+/// are not as they were written.
 ///
 /// `progress` is called for each frame on disk in order, including existing ones, and may end the bake
 /// by [`ControlFlow::Break`]. The frames on disk are then complete, and the next bake continues from
 /// them.
 ///
 /// # Errors
-/// As [`Simulation::check`]; [`Error::Io`] if the folder cannot be written; [`Error::OtherBake`] if it
-/// contains frames of this name with other parameters, [`Error::UnknownBake`] if these have no record.
+/// As [`Simulation::check`]; [`Error::Io`] if the folder cannot be written, or a frame in it cannot be read;
+/// [`Error::OtherBake`] if it contains frames of this name with other parameters, [`Error::UnknownBake`] if
+/// these have no record.
 pub fn bake(
     simulation: &Simulation,
     solids: &[Solid],
@@ -59,27 +65,14 @@ pub fn bake(
     simulation.check()?;
     let frames = simulation.frames;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    record::keep(simulation, solids, name, folder)?;
-    let (found, last) = existing(simulation, name, folder)?;
-    for done in 1..=found {
-        if progress(Progress { done, frames }).is_break() {
-            return Ok(());
-        }
-    }
-    if found >= frames {
-        return Ok(());
-    }
-
-    memory::probe(simulation.memory(last.as_ref()), name)?;
-
+    let mut record = Record::keep(simulation, solids, name, folder)?;
     std::thread::scope(|scope| {
         // A thread writes each frame while the next one is simulated.
-        let (frame_sender, frames_to_write) = sync_channel::<(u32, Particles)>(1);
+        let (job_sender, jobs) = sync_channel::<Job>(1);
         let (outcome_sender, outcomes) = channel();
         let write = move || {
-            for (number, particles) in frames_to_write {
-                let outcome = particles::write(&particles, &frame_path(folder, name, number))
-                    .map(|()| number);
+            for job in jobs {
+                let outcome = job.done(folder, name);
                 let failed = outcome.is_err();
                 if outcome_sender.send(outcome).is_err() || failed {
                     return;
@@ -87,14 +80,35 @@ pub fn bake(
             }
         };
         std::thread::Builder::new().spawn_scoped(scope, write).map_err(Error::Threads)?;
-        let mut solver = Solver::new(simulation, solids, last);
-        let mut report =
-            |outcome: Result<u32>| outcome.map(|done| progress(Progress { done, frames }));
-        for number in found + 1..=frames {
+        let mut report = |outcome: Result<Written>, record: &mut Record| -> Result<_> {
+            let Written { number, sum, again } = outcome?;
+            record.add(number, sum)?;
+            Ok(progress(Progress { done: number, frames, again }))
+        };
+        // The solver, if it has made the frame before.
+        let mut solver: Option<Solver<'_>> = None;
+        for number in 1..=frames {
+            let found = found(&record, folder, name, number)?;
+            let again = matches!(found, Found::Damaged);
+            let made = if let Found::Whole(sum) = found {
+                solver = None;
+                Made::Before(sum)
+            } else {
+                let solver = match &mut solver {
+                    Some(solver) => solver,
+                    None => {
+                        let before = number.checked_sub(1).filter(|&before| before > 0);
+                        let last = before.map(|before| state(folder, name, before)).transpose()?;
+                        memory::probe(simulation.memory(last.as_ref()), name)?;
+                        solver.insert(Solver::new(simulation, solids, last))
+                    }
+                };
+                Made::Now(solver.make(number))
+            };
             // A failed writer has closed the channel; its error is among the outcomes.
-            let closed = frame_sender.send((number, solver.make(number))).is_err();
+            let closed = job_sender.send(Job { number, again, made }).is_err();
             for outcome in outcomes.try_iter() {
-                if report(outcome)?.is_break() {
+                if report(outcome, &mut record)?.is_break() {
                     return Ok(());
                 }
             }
@@ -102,14 +116,92 @@ pub fn bake(
                 break;
             }
         }
-        drop(frame_sender);
+        drop(job_sender);
         for outcome in outcomes {
-            if report(outcome)?.is_break() {
+            if report(outcome, &mut record)?.is_break() {
                 break;
             }
         }
         Ok(())
     })
+}
+
+/// A frame for the writer.
+struct Job {
+    number: u32,
+    /// Whether a damaged file is in its place.
+    again: bool,
+    made: Made,
+}
+
+enum Made {
+    /// By an earlier bake, with this checksum.
+    Before(u32),
+    Now(Particles),
+}
+
+/// A frame on disk.
+struct Written {
+    number: u32,
+    /// Checksum of its file.
+    sum: u32,
+    again: bool,
+}
+
+impl Job {
+    /// Writes the frame, unless it is there.
+    fn done(self, folder: &Path, name: &str) -> Result<Written> {
+        let Self { number, again, made } = self;
+        let sum = match made {
+            Made::Before(sum) => sum,
+            Made::Now(particles) => {
+                let path = frame_path(folder, name, number);
+                if again {
+                    // Only particle files are replaced. A failure is reported by writing.
+                    let _ = std::fs::remove_file(&path);
+                }
+                particles::write(&particles, &path)?;
+                record::checksum(&path)?
+            }
+        };
+        Ok(Written { number, sum, again })
+    }
+}
+
+/// What an earlier bake has left of a frame.
+enum Found {
+    Nothing,
+    /// The frame as it was written, with the checksum of its file.
+    Whole(u32),
+    Damaged,
+}
+
+/// Looks for a frame. One whose checksum is not recorded is whole if the next frame can be made from it.
+///
+/// # Errors
+/// [`Error::Io`] or [`limpid::Error::Memory`] for a frame that cannot be read, but may be whole.
+fn found(record: &Record, folder: &Path, name: &str, number: u32) -> Result<Found> {
+    let path = frame_path(folder, name, number);
+    if !path.exists() {
+        return Ok(Found::Nothing);
+    }
+    let sum = record::checksum(&path)?;
+    let whole = match record.sum(number) {
+        Some(recorded) => recorded == sum,
+        None => match particles::read(&path) {
+            Ok(particles) => State::from_particles(particles).is_some(),
+            Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => false,
+            Err(error) => return Err(error),
+        },
+    };
+    Ok(if whole { Found::Whole(sum) } else { Found::Damaged })
+}
+
+/// The state of a whole frame.
+fn state(folder: &Path, name: &str, number: u32) -> Result<State> {
+    let path = frame_path(folder, name, number);
+    let state = State::from_particles(particles::read(&path)?);
+    state.ok_or_else(|| Error::format(&path, "no frame of a bake: it has no velocities or ids"))
 }
 
 /// Removes a bake's frames and its record, so that the next bake starts from the beginning.
@@ -149,29 +241,4 @@ fn frames_in(folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
     };
     let frames: Result<Vec<PathBuf>> = paths.collect();
     Ok(frames?.into_iter().filter(is_frame).collect())
-}
-
-/// Counts the complete frames without a gap from the first, and reads the state of the last.
-///
-/// # Errors
-/// [`Error::Io`] or [`limpid::Error::Memory`] for a frame that cannot be read, but may be complete.
-fn existing(simulation: &Simulation, name: &str, folder: &Path) -> Result<(u32, Option<State>)> {
-    let exists = |number: &u32| frame_path(folder, name, *number).exists();
-    let mut found = (1..=simulation.frames).take_while(exists).count() as u32;
-    while found > 0 {
-        let path = frame_path(folder, name, found);
-        let last = match particles::read(&path) {
-            Ok(last) => State::from_particles(last),
-            Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => None,
-            Err(error) => return Err(error),
-        };
-        if last.is_some() {
-            return Ok((found, last));
-        }
-        // A frame of this bake that is not a particle file: removed, since only particle files are
-        // replaced. A failure is reported when the frame is written.
-        let _ = std::fs::remove_file(path);
-        found -= 1;
-    }
-    Ok((0, None))
 }

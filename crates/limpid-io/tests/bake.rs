@@ -136,6 +136,55 @@ fn unreadable_frames_are_not_removed() {
     assert!((1..last).all(|n| there(&n)), "frames were removed");
 }
 
+/// A frame that was cut, changed or lost, whichever it is, is made again as it was, and no other is.
+#[test]
+fn damaged_frames_are_made_again() {
+    let whole = baked(BUSY);
+    let folder = TempDir::new().unwrap();
+    bake(BUSY, folder.path(), u32::MAX).unwrap();
+    let path = |number| bake::frame_path(folder.path(), "x", number);
+    let change = |number, change: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = std::fs::read(path(number)).unwrap();
+        change(&mut bytes);
+        std::fs::write(path(number), bytes).unwrap();
+    };
+    let rebake = || {
+        let mut again = Vec::new();
+        run(&project(BUSY), "x", folder.path(), |progress| {
+            again.extend(progress.again.then_some(progress.done));
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        let frames: Vec<_> = (1..=12).map(|number| frame(folder.path(), number)).collect();
+        assert!(frames == whole, "{again:?}");
+        again
+    };
+    assert_eq!(rebake(), []);
+    // Cut, of the same length with zeros, and a bit of a place.
+    change(1, &|bytes| bytes.truncate(100));
+    change(4, &|bytes| {
+        let half = bytes.len() / 2;
+        bytes[half..].fill(0);
+    });
+    change(5, &|bytes| bytes.clear());
+    change(9, &|bytes| {
+        let half = bytes.len() / 2;
+        bytes[half] ^= 1;
+    });
+    std::fs::remove_file(path(7)).unwrap();
+    std::fs::copy(path(11), path(12)).unwrap();
+    assert_eq!(rebake(), [1, 4, 5, 9, 12]);
+    assert_eq!(rebake(), []);
+    // A record without checksums, as of an earlier version: what cannot be read is made again.
+    let record = folder.path().join("x.bake.json");
+    let mut known: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&record).unwrap()).unwrap();
+    known.as_object_mut().unwrap().remove("sums").unwrap();
+    std::fs::write(&record, known.to_string()).unwrap();
+    change(3, &|bytes| bytes.truncate(1000));
+    assert_eq!(rebake(), [3]);
+}
+
 /// A damaged bake record is reported as such.
 #[test]
 fn a_damaged_record_is_reported() {

@@ -195,7 +195,7 @@ impl Worker {
                 send(Message::Grown(number, Box::new(document)));
             }
             Tell::Baked { number, done, frames } => {
-                send(Message::Baked(number, Progress { done, frames }));
+                send(Message::Baked(number, Progress { done, frames, again: false }));
             }
             Tell::NotBaked { number, error } => {
                 self.0.busy.take();
