@@ -4,7 +4,10 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use limpid_io::bake;
+use limpid_io::frames::FrameSpec;
 use limpid_io::project::Project;
+
+use crate::terminal;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -31,12 +34,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     if args.restart {
         bake::clear(&name, &folder)?;
     }
-    let bar = crate::terminal::progress(simulation.frames as usize);
+    let bar = terminal::progress(simulation.frames as usize);
+    let mut again = Vec::new();
     let baked = bake::bake(&simulation, &project.scene.solids, &name, &folder, |progress| {
         bar.set_position(progress.done.into());
+        again.extend(progress.again.then_some(i64::from(progress.done)));
         ControlFlow::Continue(())
     });
     bar.finish_and_clear();
+    if !again.is_empty() {
+        let were = if again.len() == 1 { "frame was" } else { "frames were" };
+        let again = FrameSpec::list(again);
+        terminal::remark(format!("{}: {were} damaged, and made again: {again}", folder.display()));
+    }
     baked?;
     Ok(crate::SUCCESS)
 }

@@ -17,13 +17,7 @@ use crate::{bake, check, compare, convert, info, render, report, scene, settings
 /// or format mismatch, 4 missing or unreadable file, 5 no graphics adapter, 6 device lost, or out of
 /// memory or threads (try again).
 #[derive(Parser)]
-#[command(
-    name = "limpid",
-    about,
-    long_about,
-    arg_required_else_help = true,
-    args_conflicts_with_subcommands = true
-)]
+#[command(name = "limpid", about, long_about, arg_required_else_help = true)]
 struct Cli {
     /// Print the version.
     #[arg(short = 'V', long)]
@@ -31,6 +25,9 @@ struct Cli {
     /// With --version: also the commit, the adapter and its driver.
     #[arg(long, requires = "version")]
     verbose: bool,
+    /// Print nothing but results, errors and waits for other processes: no remarks and no progress.
+    #[arg(short, long, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     command: Option<Command>,
 }
@@ -91,8 +88,16 @@ const SCENE_EXAMPLES: &str = "Examples:
   limpid scene water.vtu --look daylight --sun 200,15 --tint 0.5,0.8,0.7";
 
 pub(crate) fn run(arguments: Vec<OsString>) -> anyhow::Result<u8> {
-    let Cli { verbose, command, .. } = parse(arguments)?;
-    let Some(command) = command else { return print_version(verbose) };
+    let Cli { version, verbose, quiet, command } = parse(arguments)?;
+    let command = match command {
+        Some(_) if version => anyhow::bail!("--version takes no command"),
+        Some(command) => command,
+        None if version => return print_version(verbose),
+        None => anyhow::bail!("expected a command; `limpid --help` lists them"),
+    };
+    if quiet {
+        terminal::silence();
+    }
     signals::listen().map_err(limpid_io::Error::Threads)?;
     start_workers()?;
     match command {
@@ -175,14 +180,32 @@ fn start_workers() -> limpid_io::Result<()> {
 
 /// Parses the arguments; usage errors are put on one line, like all other errors.
 fn parse(arguments: Vec<OsString>) -> anyhow::Result<Cli> {
-    Cli::try_parse_from(arguments).map_err(|error| match error.kind() {
+    Cli::try_parse_from(&arguments).map_err(|error| match error.kind() {
         Usage::DisplayHelp
         | Usage::DisplayVersion
         | Usage::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
+        Usage::InvalidUtf8 => anyhow::anyhow!(not_text(&arguments)),
         _ => {
             anyhow::anyhow!(without_command(&error).unwrap_or_else(|| one_line(&error.to_string())))
         }
     })
+}
+
+/// The message for an argument that has to be text and is not, which clap does not name: that with which alone the
+/// arguments are refused so.
+fn not_text(arguments: &[OsString]) -> String {
+    let replaced = |argument: &OsString| argument.to_string_lossy().into_owned().into();
+    let refused = |&at: &usize| {
+        let mut others: Vec<OsString> = arguments.iter().map(replaced).collect();
+        others[at].clone_from(&arguments[at]);
+        let parsed = Cli::try_parse_from(others);
+        parsed.is_err_and(|error| error.kind() == Usage::InvalidUtf8)
+    };
+    let at = (1..arguments.len()).find(refused).unwrap_or_default();
+    let option = at.checked_sub(1).map(|before| arguments[before].to_string_lossy());
+    let option = option.filter(|option| option.starts_with('-') && !option.contains('='));
+    let option = option.map_or(String::new(), |option| format!("{option} "));
+    format!("{option}{}: expected text in UTF-8", arguments[at].to_string_lossy())
 }
 
 /// The message for an input where a command is expected.

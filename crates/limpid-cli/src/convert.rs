@@ -1,13 +1,13 @@
 //! The command `limpid convert`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use limpid::liquid::{Particles, Up};
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{self, Input};
-use limpid_io::notice::Notice;
+use limpid_io::notice::{self, Notice};
 
-use crate::{remedy, standard};
+use crate::{remedy, standard, terminal};
 use limpid_io::output::{self, Files, OutputNames};
 use limpid_io::particles::{self, Contents, Remark};
 use limpid_io::sequence::{Frame, Sequence};
@@ -16,10 +16,10 @@ use rayon::prelude::*;
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// A particle file, a pattern such as frame_{}.vtk, or a folder; - reads .npz or PLY from standard input.
-    input: String,
+    input: PathBuf,
     /// Output file, whose extension selects the format; for several frames a name with a placeholder
     /// for the number (####, {}, %04d, $F4), or a folder for `frame_####.bgeo`.
-    output: String,
+    output: PathBuf,
     /// Frames: 1-3,5, 7-20:2, all [default: all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
@@ -36,28 +36,27 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let options = args.reading.options();
-    let (sequence, piped) = match args.input.as_str() {
-        standard::DASH => {
+    let (sequence, piped) = match standard::is_dash(&args.input) {
+        true => {
             let (path, bytes) = standard::read(&options)?;
             let frames = vec![Frame::new(0, path)];
-            let (pattern, absent) = (args.input.clone(), Vec::new());
-            (Sequence { frames, pattern, fps: None, absent }, Some(bytes))
+            let sequence = Sequence { frames, pattern: "-".into(), fps: None, absent: Vec::new() };
+            (sequence, Some(bytes))
         }
-        input => (Sequence::open(input)?, None),
+        false => (Sequence::open(&args.input)?, None),
     };
     let frames = args.frames.clone().unwrap_or_default().select(&sequence)?;
-    let folder = args.output.ends_with('/') || Path::new(&args.output).is_dir();
-    let output = match folder {
-        true => format!("{}/frame_####.bgeo", args.output.trim_end_matches('/')),
-        false => args.output.clone(),
-    };
-    let names = OutputNames::parse(&output, frames.len())?;
+    let slash = args.output.as_os_str().as_encoded_bytes().ends_with(b"/");
+    let folder = slash || args.output.is_dir();
+    let output = if folder { args.output.join("frame_####.bgeo") } else { args.output.clone() };
+    let frame_count = frames.len();
+    let names = OutputNames::parse(&output, frame_count)?;
     // Fails for an unknown format before anything is read.
-    particles::unsupported_attributes(&Particles::default(), Path::new(&output))?;
+    particles::unsupported_attributes(&Particles::default(), &output)?;
     if folder {
-        output::check_folder(Path::new(&args.output))?;
+        output::check_folder(&args.output)?;
         let error =
-            |e| limpid_io::Error::Io { path: (&args.output).into(), action: "create", source: e };
+            |e| limpid_io::Error::Io { path: args.output.clone(), action: "create", source: e };
         std::fs::create_dir_all(&args.output).map_err(error)?;
     }
     let skip = |frame: &&Frame| args.skip_existing && names.path(frame.number).exists();
@@ -76,16 +75,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         (Some(up), _) => up,
         (None, _) if todo.is_empty() => Up::Y,
         (None, Some(bytes)) => likely_up(
-            Input::from_memory(&sequence.frames[0].path, &args.input, bytes.clone()),
+            Input::from_memory(&sequence.frames[0].path, &sequence.pattern, bytes.clone()),
             args,
         ),
         (None, None) => likely_up(Input::open(&args.input)?, args),
     };
     let gaps = sequence.gaps();
     if args.frames.is_none() && !gaps.is_empty() {
-        crate::terminal::warn(remedy::of_notice(&Notice::Gaps(gaps, None)));
+        terminal::remark(remedy::of_notice(&Notice::Gaps(gaps, None)));
     }
-    let bar = crate::terminal::progress(todo.len());
+    let steps = args.frames.as_ref();
+    let steps = steps.and_then(|spec| notice::of_selection(spec, &sequence, frame_count));
+    steps.iter().for_each(|notice| terminal::remark(remedy::of_notice(notice)));
+    let bar = terminal::progress(todo.len());
     let (mut lost, mut ignored, mut remarks) = (Vec::new(), Vec::new(), Vec::new());
     // In chunks, since work stealing would otherwise hold more frames in memory than there are threads.
     for frames in todo.chunks(rayon::current_num_threads()) {
@@ -116,14 +118,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         }
     }
     bar.finish_and_clear();
-    remarks.iter().for_each(|remark| crate::terminal::warn(remedy::of_remark(remark)));
+    remarks.iter().for_each(|remark| terminal::remark(remedy::of_remark(remark)));
     if !lost.is_empty() {
-        crate::terminal::warn(format!("{output}: this format has no room for {}", lost.join(", ")));
+        let (output, lost) = (output.display(), lost.join(", "));
+        terminal::remark(format!("{output}: this format has no room for {lost}"));
     }
     if !ignored.is_empty() {
         let (arrays, verb) = (ignored.join(", "), if ignored.len() > 1 { "are" } else { "is" });
         let remedy = "--map reads attributes from arrays of other names";
-        crate::terminal::warn(format!("{}: {arrays} {verb} left out; {remedy}", args.input));
+        let input = args.input.display();
+        terminal::remark(format!("{input}: {arrays} {verb} left out; {remedy}"));
     }
     Ok(crate::SUCCESS)
 }
@@ -133,10 +137,9 @@ fn likely_up(input: Input, args: &Args) -> Up {
     let resolved = input.with_options(&args.reading.options()).resolve();
     let (up, from) = resolved.map_or_else(|_| Default::default(), |(input, _)| input.up());
     if up != Up::Y {
-        crate::terminal::warn(format!(
-            "{}: {up} points up ({}), and the output is turned to y up; --up y leaves it",
-            args.input,
-            from.word()
+        let (input, from) = (args.input.display(), from.word());
+        terminal::remark(format!(
+            "{input}: {up} points up ({from}), and the output is turned to y up; --up y leaves it"
         ));
     }
     up

@@ -1,5 +1,4 @@
 //! The command `limpid info`.
-
 use limpid_io::Error;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::Input;
@@ -11,8 +10,8 @@ use crate::standard;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A scene or recipe, a particle file, a pattern or a folder; - reads .npz or PLY from standard input.
-    input: String,
+    #[command(flatten)]
+    inputs: crate::shared_args::Inputs,
     /// Frames to describe [default: the first].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
@@ -32,6 +31,8 @@ struct Info {
     frames: usize,
     first: i64,
     last: i64,
+    /// Difference of consecutive numbers; `None` if they differ unevenly.
+    stride: Option<u64>,
     /// The axis that points up in the files; what is described has y up.
     up: String,
     /// What says so: option, scene, flat, guessed, default, or the name of a program.
@@ -75,9 +76,11 @@ struct ArrayInfo {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let options = args.reading.options();
-    let input = match args.input.as_str() {
-        standard::DASH => standard::input(&options)?,
-        input => Input::outline(input)?,
+    let (input, named) = args.inputs.resolve()?;
+    let input = match input {
+        Some(path) if standard::is_dash(&path) => standard::input(&options)?,
+        Some(path) => Input::outline(path)?,
+        None => Input::demo()?,
     };
     let mut input = input.with_options(&options);
     if let Some(radius) = args.radius {
@@ -90,7 +93,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         Err(_) => input,
     };
     let frames = &input.sequence.frames;
-    let chosen = match &args.frames {
+    let chosen = match args.frames.as_ref().or(named.as_ref()) {
         Some(spec) => spec.select(&input.sequence)?,
         None => frames.iter().take(1).collect(),
     };
@@ -101,6 +104,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         last: frames.last().map_or(0, |frame| frame.number),
         up: input.up().0.to_string(),
         up_from: input.up().1.word(),
+        stride: input.sequence.even_stride(),
         turned: input.is_turned(),
         described: Vec::new(),
     };
@@ -158,8 +162,13 @@ fn shortest(x: f64) -> f64 {
 }
 
 fn describe(info: &Info) -> String {
-    let mut lines =
-        vec![format!("{}: {} frames, {} to {}", info.pattern, info.frames, info.first, info.last)];
+    let steps = match info.stride {
+        Some(1) => String::new(),
+        Some(stride) => format!(", by steps of {stride}"),
+        None => ", unevenly numbered".into(),
+    };
+    let Info { pattern, frames, first, last, .. } = info;
+    let mut lines = vec![format!("{pattern}: {frames} frames, {first} to {last}{steps}")];
     match (info.up.as_str(), info.up_from) {
         ("y", "flat") => lines.push("y points up in the files (flat)".to_owned()),
         ("y", _) => {}

@@ -13,7 +13,14 @@ use limpid_io::particles::Remark;
 pub(crate) fn with_remedy(error: &Error) -> String {
     match error {
         Error::Input { input, source } => format!("{input}: {}", with_remedy(source)),
-        Error::Frame { frame, source } => format!("frame {frame}: {}", with_remedy(source)),
+        Error::Frame { frame, source } => {
+            let problem = format!("frame {frame}: {}", with_remedy(source));
+            let goes_on = source.is_of_reading() && !problem.contains("; to continue: ");
+            joined(
+                &problem,
+                goes_on.then_some("to continue: --missing hold or empty, or --keep-going"),
+            )
+        }
         Error::Shared(error) => with_remedy(error),
         Error::Override { problem, .. } if problem.ends_with('?') => format!("--set {error}"),
         Error::Override { .. } => format!("--set {error}; `limpid settings` lists all"),

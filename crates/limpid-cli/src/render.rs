@@ -19,7 +19,6 @@ use std::time::{Duration, Instant};
 use crate::fingerprint::{self, Fingerprints};
 use glam::UVec2;
 use image::GrayImage;
-use indicatif::ProgressBar;
 use limpid::Error::{Defect, DeviceLost};
 use limpid::aov::{self, Aov, Part};
 use limpid::camera::View;
@@ -69,10 +68,10 @@ pub(crate) struct Args {
     inputs: crate::shared_args::Inputs,
     /// The input of `inputs`.
     #[arg(skip)]
-    input: Option<String>,
+    input: Option<PathBuf>,
     /// Further ones, with --beside.
     #[arg(skip)]
-    others: Vec<String>,
+    others: Vec<PathBuf>,
     /// Render the input's particles in this scene.
     #[arg(long)]
     scene: Option<PathBuf>,
@@ -81,12 +80,12 @@ pub(crate) struct Args {
     /// limpid_####.png]. Or a film: .mp4 or .webm, which need ffmpeg, .gif or .apng. - writes a PNG to
     /// standard output.
     #[arg(short, long)]
-    output: Option<String>,
+    output: Option<PathBuf>,
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x768", value_parser = crate::shared_args::parse_size)]
     size: UVec2,
-    /// Frames: 1-3,5, 1-10x2 (also 1-10:2), 10-1, -5..-1, 1-10@b, all [default: the scene's frame,
-    /// or all].
+    /// Frames: 1-3,5, 1-10x2 (also 1-10:2), 10-1, -5..-1, 1-10@b, all; of files numbered by steps, those in the
+    /// range [default: the scene's frame, or all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
     /// A single picture at this time, in frames: 12.25 is a quarter of the way from 12 to 13.
@@ -101,7 +100,7 @@ pub(crate) struct Args {
     /// the scene [default: that of the particle files].
     #[arg(long, value_name = "AXIS", value_parser = crate::shared_args::parse_up)]
     camera_up: Option<Up>,
-    /// Treatment of missing frames: error, empty or hold (repeat the previous frame).
+    /// Treatment of frames that are missing or cannot be read: error, empty, or hold (repeat the frame before).
     #[arg(long, default_value = "error")]
     missing: Missing,
     /// Memory for frames loaded ahead, MiB.
@@ -123,7 +122,7 @@ pub(crate) struct Args {
     /// Take over claims that were not renewed for this long: their process has died or lost access.
     #[arg(long, value_name = "SECONDS", default_value = "120", requires = "claim", value_parser = clap::value_parser!(u64).range(1..=1 << 32))]
     claim_timeout: u64,
-    /// Continue with the other frames if one fails; the exit code is then 1.
+    /// Continue with the other frames if one fails; the exit code is then 1. A film repeats the picture before.
     #[arg(long)]
     keep_going: bool,
     /// Append a line of JSON for each frame to a file, which several processes may share.
@@ -190,9 +189,6 @@ pub(crate) struct Args {
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
     #[arg(long, value_name = "LIST", value_parser = aov::parse_list)]
     aov: Option<AovList>,
-    /// Report only errors and waits for claims of others, and show no progress.
-    #[arg(short, long)]
-    quiet: bool,
     /// Write adapter, counts and milliseconds per pass to a file.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
@@ -255,9 +251,8 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     });
     let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
     let keep_going = args.keep_going;
-    let bar =
-        if args.quiet { ProgressBar::hidden() } else { crate::terminal::progress(shots.len()) };
-    let mut console = Console::new(bar.clone(), args.quiet);
+    let bar = crate::terminal::progress(shots.len());
+    let mut console = Console::new(bar.clone());
     notices.iter().for_each(|notice| console.notice(notice));
     if output.is_linear() && overlay != Overlay::default() {
         console.line("--scale-bar and --axes are not drawn in an .exr, which holds light");
@@ -276,7 +271,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     if queue.is_empty() {
         let existing = requested - log.failed.len();
         console.line(&format!("{existing} of {requested} pictures already exist"));
-        return Ok(exit_code(log.failed, requested));
+        return Ok(exit_code(log.failed, requested, ""));
     }
     log.bar.set_length(queue.len() as u64);
 
@@ -327,8 +322,13 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     }
     let FrameLoop { output, stats, console, budget, .. } = frame_loop;
     let failed = log.failed;
-    let numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
+    let mut numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
     let others = requested.saturating_sub(numbers.len() + failed.len());
+    let is_film = output.is_film() && !numbers.is_empty();
+    if is_film {
+        // The film has pictures in their place.
+        numbers.extend(&failed);
+    }
     let summary = output.summary(&numbers, others);
     output.finish()?;
     console.end();
@@ -337,18 +337,22 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         console.line(&remark);
     }
     let all = failed.len() + stats.frames.len();
-    Ok(exit_code(failed, all))
+    Ok(exit_code(
+        failed,
+        all,
+        if is_film { "; the film repeats the pictures before them" } else { "" },
+    ))
 }
 
-/// The exit code of a run of `all` frames; prints a line on those that failed.
-fn exit_code(failed: Vec<i64>, all: usize) -> u8 {
+/// The exit code of a run of `all` frames; prints a line on those that failed, with what was done about them.
+fn exit_code(failed: Vec<i64>, all: usize, done: &str) -> u8 {
     if failed.is_empty() {
         return crate::SUCCESS;
     }
     crate::terminal::warn(format!(
-        "{} of {all} frames failed: {}",
+        "{} of {all} frames failed: {}{done}",
         failed.len(),
-        FrameSpec::List(failed)
+        FrameSpec::list(failed)
     ));
     FAILED_CODE
 }
@@ -523,6 +527,7 @@ impl FrameLoop<'_> {
                 self.failures = if category == Category::Temporary { self.failures + 1 } else { 0 };
                 log.keep_going &= category != Category::Device && self.failures != DEVICE_FAILURES;
                 log.fail(&job.shot, job.fingerprint, error)?;
+                self.output.replace()?;
             }
         }
         self.since = Instant::now();
@@ -596,7 +601,7 @@ fn offscreen(args: &Args, gpu: &Gpu, at_rest: bool) -> Offscreen {
 
 /// The output file, if it is a film.
 fn film_path(args: &Args) -> Option<&Path> {
-    let path = Path::new(args.output.as_ref()?);
+    let path = args.output.as_deref()?;
     film::FilmFormat::of(path).filter(|_| !path.is_dir()).map(|_| path)
 }
 

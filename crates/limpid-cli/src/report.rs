@@ -87,7 +87,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let earlier = args.against.as_deref().map(Measured::read).transpose()?;
     check_outputs(args, &json)?;
     let gpu = device::open()?;
-    let mut progress = |step: &str| crate::terminal::print_line(&format!("report: {step}"));
+    let mut progress = |step: &str| {
+        if !crate::terminal::is_silent() {
+            crate::terminal::print_line(&format!("report: {step}"));
+        }
+    };
     let write = |path: &Path, kind: FileKind, text: &str| {
         output::write_atomically(path, kind, |file| file.write_all(text.as_bytes()))
     };

@@ -36,8 +36,11 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
+    let input = args.inputs.resolve()?.0;
+    // The scene names it.
+    input.clone().map(crate::shared_args::text).transpose()?;
     let request = Request {
-        input: args.inputs.resolve()?.0,
+        input,
         scene: args.scene.clone(),
         radius: args.radius,
         overrides: args.set.clone(),

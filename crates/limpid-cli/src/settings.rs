@@ -2,6 +2,7 @@
 
 use limpid::settings::Settings;
 use limpid_io::project::controls::{CONTROLS, Control, ControlKind, PASSES};
+use serde::Serialize;
 
 use crate::terminal;
 
@@ -10,11 +11,37 @@ pub(crate) struct Args {
     /// List the settings of one pass: classify, layers, smooth, refract, caustics or tonemap.
     #[arg(value_parser = PASSES.map(|(pass, _)| pass))]
     pass: Option<String>,
+    /// Print machine-readable results.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A setting, for programs.
+#[derive(Serialize)]
+struct SettingInfo {
+    /// As `--set` takes it.
+    name: String,
+    default: toml::Value,
+    /// The values that it can have, with their unit.
+    range: String,
+    help: &'static str,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let settings = Settings::default();
     let passes = PASSES.iter().filter(|(pass, _)| args.pass.as_ref().is_none_or(|p| p == pass));
+    if args.json {
+        let of_passes =
+            passes.flat_map(|(pass, _)| CONTROLS.iter().filter(|control| control.pass == *pass));
+        let info = of_passes.map(|control| SettingInfo {
+            name: control.path(),
+            default: control.get(&settings),
+            range: range(control, &settings),
+            help: control.help,
+        });
+        terminal::print(&serde_json::to_string_pretty(&info.collect::<Vec<_>>())?)?;
+        return Ok(crate::SUCCESS);
+    }
     let sections: Vec<String> = passes
         .map(|(pass, title)| {
             let controls = CONTROLS.iter().filter(|control| control.pass == *pass);

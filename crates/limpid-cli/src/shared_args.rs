@@ -1,6 +1,6 @@
 //! Options shared by several commands.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::UVec2;
 use limpid::liquid::Up;
@@ -37,7 +37,7 @@ pub(crate) struct Inputs {
     /// (.pvd, .series), or all files of a sequence, as a shell expands frame_*.bgeo; - reads .npz or PLY from
     /// standard input [default: built in].
     #[arg(value_name = "INPUT")]
-    inputs: Vec<String>,
+    inputs: Vec<PathBuf>,
     /// Merge the files of several ranks into one frame each: rank{r}_{}.vtu.
     #[arg(long, value_name = "PATTERN", conflicts_with = "inputs")]
     merge: Option<String>,
@@ -45,12 +45,12 @@ pub(crate) struct Inputs {
 
 impl Inputs {
     /// The inputs as given, each of its own.
-    pub(crate) fn each(&self) -> &[String] {
+    pub(crate) fn each(&self) -> &[PathBuf] {
         &self.inputs
     }
 
     /// The input, and the frames if they were named one by one.
-    pub(crate) fn resolve(&self) -> limpid_io::Result<(Option<String>, Option<FrameSpec>)> {
+    pub(crate) fn resolve(&self) -> limpid_io::Result<(Option<PathBuf>, Option<FrameSpec>)> {
         match (&self.merge, self.inputs.as_slice()) {
             (Some(pattern), _) if !pattern.contains("{r}") => {
                 let problem = format!(
@@ -58,15 +58,16 @@ impl Inputs {
                 );
                 Err(limpid_io::Error::Usage(problem))
             }
-            (Some(pattern), _) => Ok((Some(pattern.clone()), None)),
+            (Some(pattern), _) => Ok((Some(pattern.into()), None)),
             (None, [] | [_]) => Ok((self.inputs.first().cloned(), None)),
             (None, files) if let Some(output) = files.iter().find(|file| is_output(file)) => {
+                let output = output.display();
                 let problem = format!("{output} is no input; to write it: -o {output}");
                 Err(limpid_io::Error::Usage(problem))
             }
             (None, files) => {
                 let (pattern, numbers) = Sequence::pattern_of(files)?;
-                Ok((Some(pattern), Some(FrameSpec::List(numbers))))
+                Ok((Some(pattern), Some(FrameSpec::list(numbers))))
             }
         }
     }
@@ -113,11 +114,19 @@ impl SceneChanges {
     }
 }
 
+/// The text of a path, for commands that need it.
+pub(crate) fn text(path: PathBuf) -> limpid_io::Result<String> {
+    path.into_os_string().into_string().map_err(|path| {
+        let problem = format!("INPUT {}: expected text in UTF-8 here; rename it", path.display());
+        limpid_io::Error::Usage(problem)
+    })
+}
+
 /// Whether a file is a picture or a film by its name.
-fn is_output(file: &str) -> bool {
+fn is_output(file: &Path) -> bool {
     const ENDINGS: [&str; 10] =
         ["png", "jpg", "jpeg", "webp", "exr", "mp4", "webm", "gif", "apng", "tiff"];
-    let extension = Path::new(file).extension().unwrap_or_default().to_string_lossy();
+    let extension = file.extension().unwrap_or_default().to_string_lossy();
     ENDINGS.iter().any(|ending| extension.eq_ignore_ascii_case(ending))
 }
 

@@ -11,7 +11,12 @@ use limpid_io::open::{Opened, Request};
 use limpid_io::particles::ReadOptions;
 
 /// The argument that stands for standard input or output.
-pub(crate) const DASH: &str = "-";
+const DASH: &str = "-";
+
+/// Whether an argument stands for standard input or output.
+pub(crate) fn is_dash(path: &Path) -> bool {
+    path == Path::new(DASH)
+}
 
 /// The name of standard input in messages.
 const NAME: &str = "standard input";
@@ -19,7 +24,7 @@ const NAME: &str = "standard input";
 /// Opens the input of a request, which may be standard input.
 pub(crate) fn open(request: &Request) -> limpid_io::Result<Opened> {
     match request.input.as_deref() {
-        Some(DASH) => request.open_from(input(&request.options)?),
+        Some(path) if is_dash(path) => request.open_from(input(&request.options)?),
         _ => request.open(),
     }
 }

@@ -1,8 +1,22 @@
 //! Output to the user: messages on standard error, results on standard output, and progress.
 
 use std::io::{self, ErrorKind, Write as _};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// Whether remarks and progress are not shown.
+static SILENT: AtomicBool = AtomicBool::new(false);
+
+/// From now on shows no remarks and no progress: `--quiet`.
+pub(crate) fn silence() {
+    SILENT.store(true, Ordering::Relaxed);
+}
+
+/// Whether remarks and progress are not shown.
+pub(crate) fn is_silent() -> bool {
+    SILENT.load(Ordering::Relaxed)
+}
 
 /// Removes terminal control characters from a line, since file names may contain them.
 fn without_controls(line: &str) -> String {
@@ -13,6 +27,13 @@ fn without_controls(line: &str) -> String {
 pub(crate) fn warn(problem: impl std::fmt::Display) {
     let words: Vec<String> = problem.to_string().split(' ').map(shortened).collect();
     print_line(&format!("limpid: {}", words.join(" ")));
+}
+
+/// Prints a message that is no error, unless [silent](silence).
+pub(crate) fn remark(text: impl std::fmt::Display) {
+    if !is_silent() {
+        warn(text);
+    }
 }
 
 /// Removes the middle of a very long word, such as a wrong argument quoted in full, which would make the
@@ -48,9 +69,14 @@ pub(crate) fn print(text: &str) -> limpid_io::Result<()> {
     }
 }
 
-/// Creates a progress bar, which is hidden for a single frame and unless standard error is a terminal.
+/// Creates a progress bar, which is hidden for a single frame, where [silent](silence), and unless standard error
+/// is a terminal.
 pub(crate) fn progress(frames: usize) -> ProgressBar {
-    let bar = if frames > 1 { ProgressBar::new(frames as u64) } else { ProgressBar::hidden() };
+    let bar = if frames > 1 && !is_silent() {
+        ProgressBar::new(frames as u64)
+    } else {
+        ProgressBar::hidden()
+    };
     let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
     bar.with_style(ProgressStyle::with_template(template).expect("the template is valid"))
 }

@@ -32,7 +32,7 @@ pub(crate) struct Args {
     /// Frames: 1-3,5, 7-20:2, all [default: all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
-    /// Treatment of missing frames: error, empty or hold (repeat the previous frame).
+    /// Treatment of frames that are missing or cannot be read: error, empty, or hold (repeat the frame before).
     #[arg(long, default_value = "error")]
     missing: Missing,
     /// Width and height of the window.
@@ -62,7 +62,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<u8> {
     overrides.extend(args.set);
     let (input, frames) = args.inputs.resolve()?;
     let source = Source {
-        input: input.unwrap_or_default(),
+        input: input.map_or(Ok(String::new()), crate::shared_args::text)?,
         scene: args.scene,
         radius: args.radius,
         overrides,

@@ -458,6 +458,59 @@ fn a_film_has_the_pictures_of_its_frames() {
     }
 }
 
+/// A frame that cannot be read costs no film: it is held, or, as whatever else fails, the film repeats the picture
+/// before, or after where there is none, so that the others keep their times. Without an option the message has both.
+#[test]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
+fn a_film_survives_damaged_frames() {
+    if !adapter() {
+        return;
+    }
+    let folder = water();
+    let at = |name: &str| folder.path().join(name);
+    fs::copy(at("water_3.xyz"), at("water_4.xyz")).unwrap();
+    for number in [1, 3] {
+        fs::write(at(&format!("water_{number}.xyz")), "0.1 0.2\nnonsense\n").unwrap();
+    }
+    let run = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
+        let args = ["render", "water_{}.xyz", "--size=64x48", "--fps=10"];
+        let output = command.current_dir(folder.path()).args(args).args(more).output().unwrap();
+        (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (code, stderr) = run(&["-q", "-o", "w.apng"]);
+    assert!(code == 4 && stderr.starts_with("limpid: frame 1: water_1.xyz: line 1"), "{stderr}");
+    assert!(stderr.contains("--missing hold") && stderr.contains("--keep-going"), "{stderr}");
+    assert!(!at("w.apng").exists());
+
+    let (code, stderr) = run(&["--missing=hold", "-o", "w.apng"]);
+    assert_eq!(code, 0, "{stderr}");
+    let held = stderr.lines().filter(|line| line.contains("shown in its place"));
+    let held: Vec<&str> = held.collect();
+    assert!(held[0].contains("water_1.xyz: line 1") && held[0].contains("; nothing is shown"));
+    assert!(held[1].contains("water_3.xyz: line 1") && held[1].contains("; frame 2 is shown"));
+    let film = read_apng(&at("w.apng"));
+    assert_eq!(film.len(), 4);
+    assert!(film[1] == film[2] && film[0] != film[1] && film[2] != film[3]);
+
+    for name in ["w.apng", "w.gif"] {
+        let (code, stderr) = run(&["-q", "--keep-going", "-o", name]);
+        let lines: Vec<&str> = stderr.lines().collect();
+        let [first, second, summary] = lines[..] else { panic!("{stderr}") };
+        assert!(code == 1 && first.contains("frame 1: ") && second.contains("frame 3: "));
+        assert!(!first.contains("to continue"), "{first}");
+        assert!(summary.contains("2 of 4 frames failed: 1,3; the film repeats"), "{summary}");
+    }
+    let again = read_apng(&at("w.apng"));
+    assert_eq!(again.len(), 4);
+    assert!(again[0] == film[1] && again[1..] == film[1..]);
+    assert_eq!(read_gif(&at("w.gif")).0.len(), 4);
+
+    let (code, stderr) = run(&["-q", "--keep-going", "--frames=1,3", "-o", "none.apng"]);
+    assert!(code == 1 && stderr.contains("2 of 2 frames failed"), "{stderr}");
+    assert!(!at("none.apng").exists() && names(folder.path()).iter().all(|n| !n.starts_with('.')));
+}
+
 /// `--camera-path` and `--turntable` move the camera over a single frame and over a sequence, in
 /// pictures and in films.
 #[test]

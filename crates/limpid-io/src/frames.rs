@@ -44,84 +44,201 @@ pub fn check_fps(fps: f64) -> Result<()> {
 /// | `1-10y3` | the frames that `1-10x3` skips: 2, 3, 5, 6, 8, 9 | `OpenCue` |
 /// | `1-10@b` | all, in binary order for a preview: the ends, then the middles | |
 /// | `all` | all existing frames | |
+///
+/// Of a sequence that is [numbered by steps](Sequence::is_by_steps), a range means the frames between its ends:
+/// of files 0, 1500, 3000, the range `0-3000` means these three, and `0-3000x2` the first and the last.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FrameSpec {
     /// Every existing frame.
     #[default]
     All,
-    /// These frames, in this order, without duplicates.
-    List(Vec<i64>),
+    /// The frames of these ranges, in this order, without duplicates.
+    Ranges(Vec<Range>),
 }
 
 impl FrameSpec {
+    /// These frames, in this order.
+    pub fn list(numbers: impl IntoIterator<Item = i64>) -> Self {
+        let mut ranges = Vec::new();
+        for number in numbers {
+            push(&mut ranges, Range::of(number));
+        }
+        Self::Ranges(ranges)
+    }
+
     /// The listed numbers, in order; none for `all`.
-    pub fn frames(&self) -> impl Iterator<Item = i64> {
-        let numbers: &[i64] = match self {
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for more than can be intended.
+    pub fn frames(&self) -> Result<Vec<i64>> {
+        let mut numbers = Numbers::default();
+        for range in self.ranges() {
+            numbers.extend(range, |distance| range.at(distance), range.order, range.span())?;
+        }
+        Ok(numbers.list)
+    }
+
+    fn ranges(&self) -> &[Range] {
+        match self {
             Self::All => &[],
-            Self::List(numbers) => numbers,
-        };
-        numbers.iter().copied()
+            Self::Ranges(ranges) => ranges,
+        }
+    }
+
+    /// Whether it has a range that [counts](Self) the frames of a sequence that is numbered by steps.
+    pub fn counts_steps(&self, sequence: &Sequence) -> bool {
+        sequence.is_by_steps() && self.ranges().iter().any(|range| range.span() > 0)
     }
 
     /// The selected frames of a sequence.
     ///
     /// # Errors
     ///
-    /// [`Error::MissingFrames`] if a listed frame does not exist, or for all frames of a sequence that lacks files.
+    /// As [`FrameSpec::numbers`], where missing frames are errors.
     pub fn select<'a>(&self, sequence: &'a Sequence) -> Result<Vec<&'a Frame>> {
-        let numbers = match self {
-            Self::All => match sequence.absent.as_slice() {
-                [] => return Ok(sequence.frames.iter().collect()),
-                absent => return Err(absent_frames(sequence, absent)),
-            },
-            Self::List(numbers) => numbers,
-        };
-        let missing: Vec<i64> =
-            numbers.iter().copied().filter(|&n| sequence.frame(n).is_none()).collect();
-        if missing.is_empty() {
-            return Ok(numbers.iter().filter_map(|&n| sequence.frame(n)).collect());
-        }
-        let some: Vec<String> = missing.iter().take(5).map(i64::to_string).collect();
-        let problem = format!(
-            "{} of {} frames are missing: {}{}; there are {} from {} to {}",
-            missing.len(),
-            numbers.len(),
-            some.join(", "),
-            if missing.len() > 5 { ", ..." } else { "" },
-            sequence.frames.len(),
-            sequence.frames.first().map_or(0, |frame| frame.number),
-            sequence.frames.last().map_or(0, |frame| frame.number),
-        );
-        Err(Error::MissingFrames { pattern: sequence.pattern.clone(), problem })
+        let numbers = self.numbers(sequence, Missing::Error)?;
+        Ok(numbers.into_iter().filter_map(|number| sequence.frame(number)).collect())
     }
-}
 
-impl FrameSpec {
     /// The numbers of the selected frames. They include those in the [gaps](Sequence::gaps), unless a
     /// missing frame is an error.
     ///
     /// # Errors
     ///
-    /// [`Error::MissingFrames`] if a listed frame does not exist and must; [`Error::Usage`] for more missing
-    /// frames than can be intended.
+    /// [`Error::MissingFrames`] if a listed frame does not exist and must, or for all frames of a sequence that
+    /// lacks files, [`Error::Sequence`] for a range without any; [`Error::Usage`] for more missing frames than can be
+    /// intended.
     pub fn numbers(&self, sequence: &Sequence, missing: Missing) -> Result<Vec<i64>> {
-        if missing == Missing::Error {
-            return Ok(self.select(sequence)?.iter().map(|frame| frame.number).collect());
-        }
-        match (self, sequence.frames.as_slice()) {
-            (Self::List(numbers), _) => Ok(numbers.clone()),
-            (Self::All, _) if !sequence.absent.is_empty() => Ok(sequence.numbers()),
-            (Self::All, [first, .., last]) => {
-                let (first, last, stride) = (first.number, last.number, sequence.stride());
-                let steps = last.abs_diff(first) / stride;
-                if steps >= MAX_FRAMES {
-                    let problem = format!("frames {first} to {last}: more than {MAX_FRAMES}");
-                    return Err(Error::Usage(problem));
+        // Those that a list names and that are not there count as frames.
+        let existing = sequence.numbers();
+        let Self::Ranges(ranges) = self else {
+            let absent = sequence.absent.as_slice();
+            return match (sequence.even_stride(), sequence.frames.as_slice()) {
+                _ if missing == Missing::Error && !absent.is_empty() => {
+                    Err(absent_frames(sequence, absent))
                 }
-                Ok((0..=steps).map(|k| first.saturating_add_unsigned(k * stride)).collect())
+                (Some(_), [first, .., last]) if missing != Missing::Error && absent.is_empty() => {
+                    grid(sequence, first.number, last.number)
+                }
+                _ => Ok(existing),
+            };
+        };
+        let mut numbers = Numbers::default();
+        for range in ranges {
+            if range.span() == 0 || !sequence.is_by_steps() {
+                numbers.extend(range, |distance| range.at(distance), range.order, range.span())?;
+                continue;
             }
-            (Self::All, frames) => Ok(frames.iter().map(|frame| frame.number).collect()),
+            let (low, high) = (range.first.min(range.last), range.first.max(range.last));
+            let stride = sequence.even_stride();
+            let mut candidates = match stride {
+                Some(_) => grid(sequence, low, high)?,
+                None => {
+                    let within = |number: &&i64| (low..=high).contains(*number);
+                    existing.iter().filter(within).copied().collect()
+                }
+            };
+            if range.last < range.first {
+                candidates.reverse();
+            }
+            // Steps of a whole number of strides count numbers, others files.
+            let order = match (range.order, stride) {
+                (Order::Step(n), Some(stride)) if n % stride == 0 => Order::Step(n / stride),
+                (Order::Between(n), Some(stride)) if n % stride == 0 => Order::Between(n / stride),
+                (order, _) => order,
+            };
+            let last = candidates.len().checked_sub(1).filter(|_| order != Order::Between(1));
+            let Some(last) = last else {
+                let problem = format!("no frame is in {range}; {}", described(sequence));
+                return Err(Error::Sequence { pattern: sequence.pattern.clone(), problem });
+            };
+            numbers.extend(range, |at| candidates[at as usize], order, last as u64)?;
         }
+        let numbers = numbers.list;
+        if missing == Missing::Error {
+            check_existing(&numbers, sequence)?;
+        }
+        Ok(numbers)
+    }
+}
+
+/// The numbers from `low` to `high` at which an evenly numbered sequence has frames, or gaps.
+fn grid(sequence: &Sequence, low: i64, high: i64) -> Result<Vec<i64>> {
+    let stride = i128::from(sequence.stride());
+    let first = sequence.frames.first().map_or(0, |frame| i128::from(frame.number));
+    let (low, high) = (i128::from(low), i128::from(high));
+    let start = low + (first - low).rem_euclid(stride);
+    if (high - start) / stride >= i128::from(MAX_FRAMES) {
+        let problem = format!("frames {low} to {high}: more than {MAX_FRAMES}");
+        return Err(Error::Usage(problem));
+    }
+    let numbers = (0..).map(|k| start + k * stride).take_while(|&number| number <= high);
+    // Between two numbers of 64 bits.
+    Ok(numbers.map(|number| number as i64).collect())
+}
+
+/// Fails if a sequence lacks one of these frames.
+fn check_existing(numbers: &[i64], sequence: &Sequence) -> Result<()> {
+    let missing: Vec<i64> =
+        numbers.iter().copied().filter(|&n| sequence.frame(n).is_none()).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let some: Vec<String> = missing.iter().take(5).map(i64::to_string).collect();
+    let problem = format!(
+        "{} of {} frames are missing: {}{}; {}",
+        missing.len(),
+        numbers.len(),
+        some.join(", "),
+        if missing.len() > 5 { ", ..." } else { "" },
+        described(sequence),
+    );
+    Err(Error::MissingFrames { pattern: sequence.pattern.clone(), problem })
+}
+
+/// Describes the frames of a sequence: `there are 5 from 0 to 6000, by steps of 1500`.
+fn described(sequence: &Sequence) -> String {
+    let number = |frame: Option<&Frame>| frame.map_or(0, |frame| frame.number);
+    let (first, last) = (number(sequence.frames.first()), number(sequence.frames.last()));
+    let steps = match sequence.even_stride() {
+        Some(1) => String::new(),
+        Some(stride) => format!(", by steps of {stride}"),
+        None => ", unevenly numbered".into(),
+    };
+    format!("there are {} from {first} to {last}{steps}", sequence.frames.len())
+}
+
+/// Numbers in order, without duplicates.
+#[derive(Default)]
+struct Numbers {
+    list: Vec<i64>,
+    seen: HashSet<i64>,
+    /// Number of visited ones.
+    total: u64,
+}
+
+impl Numbers {
+    /// Adds those that `at` gives for distances from 0 to `span`, in this order.
+    fn extend(
+        &mut self,
+        range: &Range,
+        at: impl Fn(u64) -> i64,
+        order: Order,
+        span: u64,
+    ) -> Result<()> {
+        // Counted before listing, since a short text may denote a huge range.
+        self.total = self.total.saturating_add(order.count(span));
+        if self.total > MAX_FRAMES {
+            let problem = format!("frames `{range}`: more than {MAX_FRAMES} frames");
+            return Err(Error::Usage(problem));
+        }
+        order.for_each(span, |distance| {
+            let number = at(distance);
+            if self.seen.insert(number) {
+                self.list.push(number);
+            }
+        });
+        Ok(())
     }
 }
 
@@ -143,14 +260,10 @@ fn absent_frames(sequence: &Sequence, absent: &[Frame]) -> Error {
 impl fmt::Display for FrameSpec {
     /// Writes it as it is parsed, with consecutive frames as ranges: `1-3,5`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self::List(numbers) = self else { return f.write_str("all") };
-        let runs = numbers.chunk_by(|a, b| a.checked_add(1) == Some(*b));
-        for (i, run) in runs.enumerate() {
+        let Self::Ranges(ranges) = self else { return f.write_str("all") };
+        for (i, range) in ranges.iter().enumerate() {
             let comma = if i > 0 { "," } else { "" };
-            match run {
-                [first, .., last] => write!(f, "{comma}{first}-{last}")?,
-                _ => write!(f, "{comma}{}", run[0])?,
-            }
+            write!(f, "{comma}{range}")?;
         }
         Ok(())
     }
@@ -163,42 +276,42 @@ impl FromStr for FrameSpec {
         if text.trim().eq_ignore_ascii_case("all") {
             return Ok(Self::All);
         }
-        let parts = || text.split([',', ' ', '\t']).filter(|part| !part.is_empty());
-        // Counted before listing, since a short text may denote a huge range.
-        let mut total = 0_u64;
         let mut ranges = Vec::new();
-        for part in parts() {
-            let range = Range::parse(part)?;
-            total = total.saturating_add(range.count());
-            if total > MAX_FRAMES {
-                let problem = format!("frames `{text}`: more than {MAX_FRAMES} frames");
-                return Err(Error::Usage(problem));
-            }
-            ranges.push(range);
+        for part in text.split([',', ' ', '\t']).filter(|part| !part.is_empty()) {
+            push(&mut ranges, Range::parse(part)?);
         }
         if ranges.is_empty() {
             return Err(Error::Usage("frames: none given; write `1-10`, `1,5,9` or `all`".into()));
         }
-        let mut seen = HashSet::new();
-        let mut numbers = Vec::new();
-        for range in ranges {
-            range.for_each(|number| {
-                if seen.insert(number) {
-                    numbers.push(number);
-                }
-            });
+        Ok(Self::Ranges(ranges))
+    }
+}
+
+/// Adds a range. A single frame that follows the last range continues it.
+fn push(ranges: &mut Vec<Range>, range: Range) {
+    match ranges.last_mut() {
+        Some(last)
+            if range.span() == 0
+                && last.first <= last.last
+                && last.order == Order::Step(1)
+                && last.last.checked_add(1) == Some(range.first) =>
+        {
+            last.last = range.first;
         }
-        Ok(Self::List(numbers))
+        _ => ranges.push(range),
     }
 }
 
 /// The frames from `first` to `last`, ascending or descending.
-struct Range {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Range {
     first: i64,
     last: i64,
     order: Order,
 }
 
+/// The order in which the frames of a range are visited.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Order {
     /// Every n-th frame.
     Step(u64),
@@ -208,12 +321,17 @@ enum Order {
 }
 
 impl Range {
+    /// A single frame.
+    fn of(number: i64) -> Self {
+        Self { first: number, last: number, order: Order::Step(1) }
+    }
+
     fn parse(part: &str) -> Result<Self> {
         let usage = |problem: &str| Error::Usage(format!("frames `{part}`: {problem}"));
         let syntax = || usage("expected a number, a range `1-10`, steps `1-10x2`, or `1-10@b`");
         let (first, rest) = number(part).ok_or_else(syntax)?;
         if rest.is_empty() {
-            return Ok(Self { first, last: first, order: Order::Step(1) });
+            return Ok(Self::of(first));
         }
         let to = rest.strip_prefix("..").or_else(|| rest.strip_prefix('-'));
         let (last, rest) = to.and_then(number).ok_or_else(syntax)?;
@@ -235,31 +353,56 @@ impl Range {
         Ok(Self { first, last, order })
     }
 
-    /// Number of frames visited, before [`Order::Between`] skips any.
-    fn count(&self) -> u64 {
-        let step = if let Order::Step(step) = self.order { step } else { 1 };
-        (self.last.abs_diff(self.first) / step).saturating_add(1)
+    /// Distance of its ends.
+    fn span(&self) -> u64 {
+        self.last.abs_diff(self.first)
     }
 
-    fn for_each(&self, mut visit: impl FnMut(i64)) {
-        let (first, last) = (self.first, self.last);
-        let at = |distance: u64| match last < first {
-            true => first.saturating_sub_unsigned(distance),
-            false => first.saturating_add_unsigned(distance),
-        };
-        match self.order {
-            Order::Step(step) => (0..self.count()).for_each(|i| visit(at(i * step))),
-            Order::Between(step) => {
-                (0..self.count()).filter(|i| i % step != 0).for_each(|i| visit(at(i)));
-            }
-            Order::Binary => {
-                visit(first);
-                visit(last);
-                let mut gaps = VecDeque::from([(0, last.abs_diff(first))]);
+    /// The number at a distance from the first.
+    fn at(&self, distance: u64) -> i64 {
+        match self.last < self.first {
+            true => self.first.saturating_sub_unsigned(distance),
+            false => self.first.saturating_add_unsigned(distance),
+        }
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { first, last, order } = self;
+        if first == last && *order == Order::Step(1) {
+            return write!(f, "{first}");
+        }
+        write!(f, "{first}-{last}")?;
+        match order {
+            Order::Step(1) => Ok(()),
+            Order::Step(step) => write!(f, "x{step}"),
+            Order::Between(step) => write!(f, "y{step}"),
+            Order::Binary => f.write_str("@b"),
+        }
+    }
+}
+
+impl Order {
+    /// Number of distances visited from 0 to `span`, before [`Order::Between`] skips any.
+    fn count(self, span: u64) -> u64 {
+        let step = if let Self::Step(step) = self { step } else { 1 };
+        (span / step).saturating_add(1)
+    }
+
+    /// Visits distances from 0 to `span`.
+    fn for_each(self, span: u64, mut visit: impl FnMut(u64)) {
+        match self {
+            Self::Step(step) => (0..self.count(span)).for_each(|i| visit(i * step)),
+            Self::Between(step) => (0..=span).filter(|i| i % step != 0).for_each(visit),
+            Self::Binary => {
+                visit(0);
+                visit(span);
+                let mut gaps = VecDeque::from([(0, span)]);
                 while let Some((low, high)) = gaps.pop_front() {
                     let middle = low + (high - low) / 2;
                     if middle > low {
-                        visit(at(middle));
+                        visit(middle);
                         gaps.extend([(low, middle), (middle, high)]);
                     }
                 }

@@ -5,6 +5,7 @@ mod files;
 mod fluid;
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -162,12 +163,12 @@ impl Input {
     /// # Errors
     /// As [`Project::load`] and [`Sequence::open`]; a scene without particles is an
     /// [`Error::Scene`].
-    pub fn open(input: &str) -> Result<Self> {
-        let path = Path::new(input);
+    pub fn open(input: impl AsRef<Path>) -> Result<Self> {
+        let path = input.as_ref();
         if is_scene_file(path) {
-            return Self::from_project(Project::load(path)?, input);
+            return Self::from_project(Project::load(path)?, path);
         }
-        let sequence = Sequence::open(input)?;
+        let sequence = Sequence::open(path)?;
         let fluid = Fluid::of_files(sequence, None, None, AttributeMap::default());
         Ok(Self::of(None, Fluid { guess_up: true, ..fluid }, None))
     }
@@ -177,12 +178,12 @@ impl Input {
     ///
     /// # Errors
     /// As [`Input::open`].
-    pub fn outline(input: &str) -> Result<Self> {
-        let path = Path::new(input);
+    pub fn outline(input: impl AsRef<Path>) -> Result<Self> {
+        let path = input.as_ref();
         if is_scene_file(path) {
-            return Self::from_project(Project::outline(path)?, input);
+            return Self::from_project(Project::outline(path)?, path);
         }
-        Self::open(input)
+        Self::open(path)
     }
 
     /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
@@ -324,17 +325,19 @@ impl Input {
         self
     }
 
-    /// As [`Input::open`], for a project that is already loaded.
+    /// As [`Input::open`], for a project that is already loaded, from the file `origin`.
     ///
     /// # Errors
     /// As [`Input::open`].
-    pub fn from_project(project: Project, origin: &str) -> Result<Self> {
+    pub fn from_project(project: Project, origin: impl AsRef<Path>) -> Result<Self> {
+        let file = origin.as_ref();
+        let origin = file.display().to_string();
         if let LiquidSource::Recipe(recipe) = project.source {
-            let frame = Frame::new(0, origin.into());
+            let frame = Frame::new(0, file.to_owned());
             let fluid = Fluid {
                 sequence: Sequence {
                     frames: vec![frame],
-                    pattern: origin.into(),
+                    pattern: origin,
                     fps: None,
                     absent: Vec::new(),
                 },
@@ -350,19 +353,18 @@ impl Input {
             return Ok(Self::of(Some(project), fluid, Some(0)));
         }
         if let Some(simulation) = project.source.simulation() {
-            let folder = bake::folder(Path::new(origin));
-            let sequence = Sequence::open(&folder.to_string_lossy())
-                .map_err(|_| Error::NotBaked { scene: origin.into() })?;
+            let sequence = Sequence::open(bake::folder(file))
+                .map_err(|_| Error::NotBaked { scene: origin })?;
             let (radius, fps) = (simulation.particle_radius() as f32, simulation.fps);
             let fluid =
                 Fluid::of_files(sequence, Some(radius), Some(Up::Y), AttributeMap::default());
             return Ok(Self { fps: Some(fps), ..Self::of(Some(project), fluid, None) });
         }
         let sources = project.source.files();
-        if sources.iter().any(|particles| particles.source.is_empty()) {
+        if sources.iter().any(|particles| particles.source.as_os_str().is_empty()) {
             let problem =
                 "[particles] has no source; name the particles there, or draw them in this scene";
-            return Err(Error::Scene { origin: origin.into(), problem: problem.into() });
+            return Err(Error::Scene { origin, problem: problem.into() });
         }
         let fluids: Vec<Fluid> = sources
             .iter()
@@ -375,14 +377,13 @@ impl Input {
             .collect::<Result<_>>()?;
         let Some(first) = fluids.first() else {
             let problem = "has no [particles], [[fluid]], [recipe] or [simulation]; draw a particle file in this scene";
-            return Err(Error::Scene { origin: origin.into(), problem: problem.into() });
+            return Err(Error::Scene { origin, problem: problem.into() });
         };
         let sequence = fluids[1..]
             .iter()
             .fold(first.sequence.clone(), |all, fluid| all.joined(&fluid.sequence));
         // A single file is the frame, whatever number its name contains.
-        let single =
-            sources.iter().all(|particles| crate::files::is_file(Path::new(&particles.source)));
+        let single = sources.iter().all(|particles| crate::files::is_file(&particles.source));
         let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !single);
         let fps = sources.iter().find_map(|particles| particles.fps);
         Ok(Self {
@@ -417,6 +418,42 @@ impl Input {
         {
             for &number in numbers {
                 sequence.shown_or_missing(number, self.missing)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails if a file of these frame times does not exist, as a piece that another lists or what a link leads to, and
+    /// missing frames are errors.
+    ///
+    /// # Errors
+    /// [`Error::MissingFrames`] naming the list and the first of the files.
+    pub fn check_files(&self, times: &[FrameTime]) -> Result<()> {
+        if self.missing != Missing::Error {
+            return Ok(());
+        }
+        let files = self.fluids.iter().filter(|fluid| matches!(fluid.source, FluidSource::Files));
+        let of_fluids = files.map(|fluid| &fluid.sequence);
+        for sequence in of_fluids.chain(self.motion().into_iter().flat_map(SolidMotion::sequences))
+        {
+            let numbers = times.iter().flat_map(|at| [at.frame, at.next]);
+            let frames: BTreeMap<i64, &Frame> =
+                numbers.filter_map(|number| Some((number, sequence.frame(number)?))).collect();
+            let mut absent = Vec::new();
+            for (number, frame) in frames {
+                let files = std::iter::once(&frame.path).chain(&frame.parts);
+                let files = files.flat_map(|path| files::with_pieces(path));
+                absent
+                    .extend(files.filter(|path| files::is_absent(path)).map(|path| (number, path)));
+            }
+            if let Some((number, path)) = absent.first() {
+                let more = match absent.len() - 1 {
+                    0 => String::new(),
+                    more => format!(", and {more} more files"),
+                };
+                let problem =
+                    format!("the file {} of frame {number}{more} is missing", path.display());
+                return Err(Error::MissingFrames { pattern: sequence.pattern.clone(), problem });
             }
         }
         Ok(())
@@ -528,12 +565,13 @@ impl Input {
             let bulk = particles.bulk().unwrap_or_default();
             return self.finish_prepare(at, &particles, bulk, scene).await;
         }
-        let Contents { mut particles, arrays, cells, remarks, .. } = self.contents(at)?;
+        let Contents { mut particles, arrays, cells, mut remarks, .. } = self.contents(at)?;
         let bulk = particles.bulk().unwrap_or_default();
         // Attributes that classification does not read would take as much memory as its tables.
         (particles.ids, particles.densities) = (None, None);
         particles.velocities.take_if(|_| !self.with_velocities);
         let prepared = self.finish_prepare(at, &particles, bulk, scene).await?;
+        remarks.extend_from_slice(&prepared.remarks);
         Ok(Loaded { arrays, cells, remarks, ..prepared })
     }
 
@@ -579,7 +617,7 @@ impl Input {
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
-            remarks: Vec::new(),
+            remarks: moved.remarks().to_vec(),
             bulk,
             moved,
             velocities: match particles.velocities.as_ref().filter(|_| self.with_velocities) {
@@ -658,8 +696,8 @@ impl Input {
                 let files = self.fluids.iter().map(|fluid| ParticleSource {
                     source: match fluid.source {
                         // A scene names no file then, and `--scene` gives it particles.
-                        FluidSource::Memory(_) | FluidSource::Given(_) => String::new(),
-                        _ => fluid.sequence.pattern.clone(),
+                        FluidSource::Memory(_) | FluidSource::Given(_) => PathBuf::new(),
+                        _ => fluid.sequence.pattern.clone().into(),
                     },
                     frame: self.frame.filter(|_| fluid.sequence.frames.len() > 1),
                     radius: fluid.radius,

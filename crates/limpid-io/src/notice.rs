@@ -7,8 +7,10 @@ use std::fmt;
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::frames::FrameSpec;
 use crate::input::{Input, Loaded, Missing, RadiusFrom};
 use crate::particles::Remark;
+use crate::sequence::Sequence;
 use limpid::camera::{Camera, View};
 use limpid::liquid::classify::{self, Splat};
 use limpid::liquid::{Particles, Up};
@@ -19,6 +21,9 @@ use limpid::scene::Scene;
 pub enum Notice {
     /// Ranges of missing numbers within a sequence, and the treatment of missing frames.
     Gaps(Vec<(i64, i64)>, Option<Missing>),
+    /// Number of frames that were selected by ranges of numbers, in a sequence that is numbered by steps of this
+    /// length, or of varying length.
+    Steps(usize, Option<u64>),
     /// The frame rate of the sequence is unknown and assumed to be this, frames per second.
     Rate(f64),
     /// A remark on a particle file.
@@ -82,6 +87,13 @@ impl fmt::Display for Notice {
                     Some(Missing::Hold) => " and drawn as the frame before",
                 };
                 write!(f, "frames are missing{done}: {}{more}", some.join(", "))
+            }
+            Self::Steps(frames, stride) => {
+                let frames = if *frames == 1 { "1 frame".into() } else { format!("{frames} frames") };
+                match stride {
+                    Some(stride) => write!(f, "{frames}: the files are numbered by steps of {stride}"),
+                    None => write!(f, "{frames}: the files are numbered by steps of varying length"),
+                }
             }
             Self::Rate(fps) => write!(
                 f,
@@ -189,6 +201,11 @@ pub fn thousands(number: usize) -> String {
 pub fn of_sequence(input: &Input) -> Option<Notice> {
     let gaps = input.sequence.gaps();
     (!gaps.is_empty()).then_some(Notice::Gaps(gaps, Some(input.missing)))
+}
+
+/// The notice about `count` frames that were selected in a sequence by their numbers.
+pub fn of_selection(spec: &FrameSpec, sequence: &Sequence, count: usize) -> Option<Notice> {
+    spec.counts_steps(sequence).then(|| Notice::Steps(count, sequence.even_stride()))
 }
 
 /// The notice about a scene, independent of its particles.

@@ -16,7 +16,7 @@ use limpid::settings::Settings;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Request {
     /// A scene or a recipe (`.toml`), a particle file, a pattern or a folder; `None` is the demo.
-    pub input: Option<String>,
+    pub input: Option<PathBuf>,
     /// A scene file to draw the input's particles in.
     pub scene: Option<PathBuf>,
     /// Particle radius if the files have none, m.
@@ -75,7 +75,7 @@ impl Request {
                 let project = Project::load(scene)?;
                 let shown = match project.source {
                     LiquidSource::Unspecified => Input::demo()?.with_project(project),
-                    _ => Input::from_project(project, &scene.to_string_lossy())?,
+                    _ => Input::from_project(project, scene)?,
                 };
                 self.open_shown(shown)
             }

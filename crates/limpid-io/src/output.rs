@@ -4,6 +4,7 @@ mod stream;
 mod target;
 
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, BufWriter, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -407,12 +408,19 @@ pub fn encode_png(
 /// The output paths of a sequence's pictures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OutputNames {
+    /// The only file, or the folder of the numbered ones.
+    path: PathBuf,
+    numbered: Option<NumberedName>,
+    /// Whether `-o` names a folder.
+    folder: bool,
+}
+
+/// A file name with a number.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct NumberedName {
     prefix: String,
     digits: usize,
     suffix: String,
-    numbered: bool,
-    /// Whether `-o` names a folder.
-    folder: bool,
 }
 
 impl OutputNames {
@@ -421,37 +429,27 @@ impl OutputNames {
     ///
     /// # Errors
     /// [`Error::Usage`] if several frames would have the same name.
-    pub fn parse(output: &str, frames: usize) -> Result<Self> {
-        if output.ends_with('/') || Path::new(output).is_dir() {
-            let prefix = Path::new(output).join("frame_").to_string_lossy().into_owned();
-            return Ok(Self {
-                prefix,
-                digits: 4,
-                suffix: ".png".into(),
-                numbered: true,
-                folder: true,
-            });
+    pub fn parse(output: impl AsRef<Path>, frames: usize) -> Result<Self> {
+        let output = output.as_ref();
+        if output.as_os_str().as_encoded_bytes().ends_with(b"/") || output.is_dir() {
+            let (prefix, suffix) = ("frame_".into(), ".png".into());
+            let numbered = Some(NumberedName { prefix, digits: 4, suffix });
+            return Ok(Self { path: output.to_owned(), numbered, folder: true });
         }
-        let plain = |text: &str| text.to_owned();
-        let numbered = |(at, length, digits): (usize, usize, usize)| Self {
-            prefix: plain(&output[..at]),
-            digits: digits.min(20),
-            suffix: plain(&output[at + length..]),
-            numbered: true,
-            folder: false,
-        };
-        let name = output.rfind('/').map_or(0, |slash| slash + 1);
-        match placeholder(&output[name..]) {
-            Some((at, length, digits)) => Ok(numbered((name + at, length, digits))),
-            None if frames <= 1 => Ok(Self {
-                prefix: plain(output),
-                digits: 0,
-                suffix: String::new(),
-                numbered: false,
-                folder: false,
-            }),
+        let name = output.file_name().and_then(OsStr::to_str).unwrap_or_default();
+        match placeholder(name) {
+            Some((at, length, digits)) => {
+                let (prefix, suffix) = (name[..at].into(), name[at + length..].into());
+                let numbered = Some(NumberedName { prefix, digits: digits.min(20), suffix });
+                let path = output.parent().unwrap_or(Path::new("")).to_owned();
+                Ok(Self { path, numbered, folder: false })
+            }
+            None if frames <= 1 => {
+                Ok(Self { path: output.to_owned(), numbered: None, folder: false })
+            }
             None => Err(Error::Usage(format!(
-                "{frames} frames cannot all be {output}; put #### where the number goes, or name a folder"
+                "{frames} frames cannot all be {}; put #### where the number goes, or name a folder",
+                output.display()
             ))),
         }
     }
@@ -461,41 +459,35 @@ impl OutputNames {
     /// # Errors
     /// [`Error::Io`] naming the folder.
     pub fn create_folder(&self) -> Result<()> {
-        match Path::new(&self.prefix).parent() {
-            Some(folder) if self.folder => {
-                std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))
-            }
-            _ => Ok(()),
+        if self.folder {
+            std::fs::create_dir_all(&self.path).map_err(|e| Error::io(&self.path, "create", e))?;
         }
+        Ok(())
     }
 
     /// The frames whose files exist, ascending.
     pub fn existing(&self) -> Vec<i64> {
-        let of_name = |name: &str, folder: &Path| {
-            let number = folder.join(name).to_str()?.to_owned();
-            let number = number.strip_prefix(&self.prefix)?.strip_suffix(&self.suffix)?;
+        let Some(NumberedName { prefix, suffix, .. }) = &self.numbered else { return Vec::new() };
+        let number = |name: &str| {
+            let number = name.strip_prefix(prefix)?.strip_suffix(suffix)?;
             let number: i64 = number.parse().ok()?;
             // The name must be the canonical one: `1` is not the file of frame 1 if that is `0001`.
-            (self.path(number) == folder.join(name)).then_some(number)
+            (self.path(number) == self.path.join(name)).then_some(number)
         };
-        let folder = Path::new(&self.prefix);
-        let folder = if self.prefix.ends_with('/') { Some(folder) } else { folder.parent() };
-        let folder = folder.unwrap_or(Path::new(""));
-        let entries = std::fs::read_dir(folder_of(&folder.join("any")));
+        let entries = std::fs::read_dir(folder_of(&self.path.join("any")));
         let entries = entries.into_iter().flatten().flatten();
         let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-        let mut frames: Vec<i64> = names.filter_map(|name| of_name(&name, folder)).collect();
+        let mut frames: Vec<i64> = names.filter_map(|name| number(&name)).collect();
         frames.sort_unstable();
         frames
     }
 
     /// Path of a frame's file.
     pub fn path(&self, frame: i64) -> PathBuf {
-        let Self { prefix, digits, suffix, numbered, .. } = self;
+        let Some(NumberedName { prefix, digits, suffix }) = &self.numbered else {
+            return self.path.clone();
+        };
         let sign = if frame < 0 { "-" } else { "" };
-        match numbered {
-            true => format!("{prefix}{sign}{:0digits$}{suffix}", frame.unsigned_abs()).into(),
-            false => prefix.into(),
-        }
+        self.path.join(format!("{prefix}{sign}{:0digits$}{suffix}", frame.unsigned_abs()))
     }
 }

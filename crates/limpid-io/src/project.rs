@@ -16,6 +16,7 @@ pub(crate) use file::is_scale;
 pub use motion::{Moved, SolidMotion};
 pub use solids::{Given, SolidFiles};
 
+use std::path::{Path, PathBuf};
 use std::slice;
 
 use self::bodies::Bodies;
@@ -189,8 +190,8 @@ impl LiquidSource {
 pub struct ParticleSource {
     /// A file, a pattern or a folder, relative to the scene file; empty if the particles are given
     /// separately.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub source: String,
+    #[serde(default, skip_serializing_if = "is_empty")]
+    pub source: PathBuf,
     /// The frame drawn by default.
     #[serde(default)]
     pub frame: Option<i64>,
@@ -210,6 +211,10 @@ pub struct ParticleSource {
     /// The arrays of attributes with other than the usual names.
     #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
     pub map: AttributeMap,
+}
+
+fn is_empty(path: &Path) -> bool {
+    path.as_os_str().is_empty()
 }
 
 /// A further view of a scene.

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::particles::{
-    Contents, ReadOptions, Section, extensions, is_particles, particles_in, pieces, readable_stem,
-    trajectory,
+    Contents, ReadOptions, Remark, Section, extensions, is_particles, particles_in, pieces,
+    readable_stem, trajectory,
 };
 use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
@@ -46,7 +46,7 @@ pub struct Frame {
     pub section: Option<Section>,
 }
 
-/// The treatment of missing frames.
+/// The treatment of frames that are missing or cannot be read.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Missing {
     /// An error.
@@ -54,7 +54,7 @@ pub enum Missing {
     Error,
     /// A frame without particles, or without the solid.
     Empty,
-    /// The previous frame; before the first, an empty one.
+    /// The nearest frame before that can be read; before the first, an empty one.
     Hold,
 }
 
@@ -117,8 +117,8 @@ impl Sequence {
     ///
     /// [`Error::Io`] if the file or folder does not exist or cannot be listed,
     /// [`Error::Sequence`] if nothing matches or two files have the same number.
-    pub fn open(input: &str) -> Result<Self> {
-        let sequence = Self::find(input)?;
+    pub fn open(input: impl AsRef<Path>) -> Result<Self> {
+        let sequence = Self::find(input.as_ref())?;
         if let [Frame { path, parts, .. }] = sequence.frames.as_slice()
             && parts.is_empty()
             && let Some(trajectory) = trajectory::frames_of(path)?
@@ -133,23 +133,27 @@ impl Sequence {
         Ok(sequence)
     }
 
-    fn find(input: &str) -> Result<Self> {
-        let path = Path::new(input);
+    fn find(path: &Path) -> Result<Self> {
         let pattern = match files::metadata(path) {
             Ok(metadata) if metadata.is_dir() => return Self::from_folder(path),
             Ok(_) => None,
-            Err(_) if file_name(path).contains("{r}") => return Self::from_ranks(input),
-            Err(_) if file_name(path).contains('*') => return Self::from_glob(path),
-            Err(error) => Some(Pattern::parse(input)?.ok_or_else(|| absent(path, error))?),
+            Err(_) if is_text(path) && file_name(path).contains("{r}") => {
+                return Self::from_ranks(path);
+            }
+            Err(_) if is_text(path) && file_name(path).contains('*') => {
+                return Self::from_glob(path);
+            }
+            Err(error) => Some(Pattern::parse(path)?.ok_or_else(|| absent(path, error))?),
         };
         match pattern {
-            Some(pattern) => Self::from_pattern(input, &pattern),
+            Some(pattern) => Self::from_pattern(path, &pattern),
             None if is_series(path) => Self::from_series(path),
             None => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let number = split_number(&name).map_or(0, |(_, number, _)| number);
                 let frames = vec![Frame::new(number, path.to_owned())];
-                Ok(Self { frames, pattern: input.into(), fps: None, absent: Vec::new() })
+                let pattern = path.display().to_string();
+                Ok(Self { frames, pattern, fps: None, absent: Vec::new() })
             }
         }
     }
@@ -161,7 +165,7 @@ impl Sequence {
         let (prefix, _, suffix) = split_number(name)?;
         let folder = folder_of(file);
         let pattern = Pattern { folder, prefix, suffix, width: 1 };
-        Self::from_pattern(&file.to_string_lossy(), &pattern).ok()
+        Self::from_pattern(file, &pattern).ok()
     }
 
     /// The names of the files of these frames, by the last part of a pattern; `None` without a placeholder.
@@ -198,18 +202,77 @@ impl Sequence {
         }
     }
 
-    /// Stride of the frame numbers: the greatest common divisor of their differences, 1 for a single
-    /// frame. Some simulators number files by time step and write, say, every hundredth.
+    /// Reads the frame to show for a number; `None` where there is none. Unless missing frames are errors, one that
+    /// cannot be read is treated as missing, with a remark. Returns also the number of the frame that was read.
+    ///
+    /// # Errors
+    /// [`Error::MissingFrame`]; as `read`.
+    pub(crate) fn read_shown<T>(
+        &self,
+        number: i64,
+        missing: Missing,
+        remarks: &mut Vec<Remark>,
+        mut read: impl FnMut(&Frame) -> Result<T>,
+    ) -> Result<Option<(i64, T)>> {
+        let mut frame = self.shown_or_missing(number, missing)?;
+        // That of the frame which should have been shown.
+        let mut problem = None;
+        let mut shown = None;
+        while let Some(wanted) = frame {
+            match read(wanted) {
+                Ok(contents) => {
+                    shown = Some((wanted.number, contents));
+                    break;
+                }
+                Err(error) if missing != Missing::Error && error.is_of_reading() => {
+                    problem.get_or_insert_with(|| error.to_string());
+                    let before = wanted.number.checked_sub(1);
+                    let before = before.filter(|_| missing == Missing::Hold);
+                    frame = before.and_then(|before| self.shown(before, missing));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        let number = shown.as_ref().map(|(number, _)| *number);
+        remarks.extend(problem.map(|problem| Remark::Unread { problem, shown: number }));
+        Ok(shown)
+    }
+
+    /// Stride of the frame numbers, which is the length of a frame on the clock: the [even](Self::even_stride)
+    /// one, or else the mean difference, rounded down.
     pub fn stride(&self) -> u64 {
+        self.even_stride().unwrap_or_else(|| {
+            let differences = self.differences();
+            let span = differences.iter().copied().fold(0, u64::saturating_add);
+            (span / differences.len().max(1) as u64).max(1)
+        })
+    }
+
+    /// The stride of evenly numbered frames: the greatest common divisor of the differences of their numbers,
+    /// 1 for a single frame. Some simulators number files by time step and write, say, every hundredth.
+    ///
+    /// `None` for frames that are numbered unevenly, as by steps of varying length: those for which fewer than half
+    /// of the numbers by that stride exist, and which have another difference more often.
+    pub fn even_stride(&self) -> Option<u64> {
         let gcd = |mut a: u64, mut b: u64| {
             while b > 0 {
                 (a, b) = (b, a % b);
             }
             a
         };
-        let numbers = self.numbers();
-        let pairs = numbers.array_windows();
-        pairs.map(|[a, b]| b.abs_diff(*a)).fold(0, gcd).max(1)
+        let differences = self.differences();
+        let stride = differences.iter().copied().fold(0, gcd).max(1);
+        let span = differences.iter().copied().fold(0, u64::saturating_add);
+        let is_dense = span / stride < 2 * (differences.len() as u64 + 1);
+        // Of equally frequent ones, the least.
+        let usual = differences.chunk_by(|a, b| a == b).rev().max_by_key(|equal| equal.len());
+        (is_dense || usual.is_none_or(|equal| equal[0] == stride)).then_some(stride)
+    }
+
+    /// Whether consecutive frames have numbers that are not consecutive: the steps of a simulation, which may
+    /// vary. Ranges of numbers then mean the frames in them.
+    pub fn is_by_steps(&self) -> bool {
+        self.even_stride() != Some(1)
     }
 
     /// The numbers of the frames and of those that are [absent](Self::absent), ascending.
@@ -220,10 +283,19 @@ impl Sequence {
         numbers
     }
 
+    /// Differences of consecutive numbers, ascending.
+    fn differences(&self) -> Vec<u64> {
+        let numbers = self.numbers();
+        let mut differences: Vec<u64> =
+            numbers.array_windows().map(|[a, b]| b.abs_diff(*a)).collect();
+        differences.sort_unstable();
+        differences
+    }
+
     /// The ranges of missing numbers between frames, as the first and the last of each, and the frames before and
-    /// after all others that are absent.
+    /// after all others that are absent. Unevenly numbered frames have none between them.
     pub fn gaps(&self) -> Vec<(i64, i64)> {
-        let stride = self.stride();
+        let Some(stride) = self.even_stride() else { return Vec::new() };
         let pairs = self.frames.array_windows();
         let gaps = pairs.filter(|[a, b]| b.number.abs_diff(a.number) > stride);
         let ends = |[a, b]: &[Frame; 2]| {
@@ -282,8 +354,8 @@ impl Sequence {
         }
     }
 
-    fn from_pattern(input: &str, pattern: &Pattern<'_>) -> Result<Self> {
-        let folder = pattern.folder;
+    fn from_pattern(path: &Path, pattern: &Pattern<'_>) -> Result<Self> {
+        let (input, folder) = (path.display().to_string(), pattern.folder);
         let names = file_names(folder)?;
         let matches = names
             .iter()
@@ -295,9 +367,9 @@ impl Sequence {
                 .max_by_key(|name| common_prefix(pattern.prefix.bytes(), name.bytes()))
                 .map_or(String::new(), |name| format!("; `{name}` is there"));
             let problem = format!("no file of this name in {}{hint}", folder.display());
-            return Err(Error::Sequence { pattern: input.into(), problem });
+            return Err(Error::Sequence { pattern: input, problem });
         }
-        Self::sorted(frames, input.into())
+        Self::sorted(frames, input)
     }
 
     fn from_folder(folder: &Path) -> Result<Self> {
@@ -383,10 +455,10 @@ impl Sequence {
     }
 
     /// The files of several ranks: a name with `{r}` and a placeholder for the frame, in any order.
-    fn from_ranks(input: &str) -> Result<Self> {
-        let path = Path::new(input);
+    fn from_ranks(path: &Path) -> Result<Self> {
+        let input = path.display().to_string();
         let (folder, name) = (folder_of(path), file_name(path));
-        let fail = |problem: String| Error::Sequence { pattern: input.into(), problem };
+        let fail = |problem: String| Error::Sequence { pattern: input.clone(), problem };
         let (before, after) = name.split_once("{r}").unwrap_or((&name, ""));
         // In place of the rank's number, each of those that occur.
         let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
@@ -446,7 +518,7 @@ impl Sequence {
         if frames.is_empty() {
             return Err(fail(format!("no file of this name in {}", folder.display())));
         }
-        Self::sorted(frames, input.into())
+        Self::sorted(frames, input)
     }
 
     /// The pattern of several files whose names differ only in the number, and their numbers, ascending:
@@ -454,21 +526,22 @@ impl Sequence {
     ///
     /// # Errors
     /// [`Error::Sequence`] if they differ in more than the number.
-    pub fn pattern_of(files: &[String]) -> Result<(String, Vec<i64>)> {
+    pub fn pattern_of(files: &[PathBuf]) -> Result<(PathBuf, Vec<i64>)> {
         let mut numbers = BTreeSet::new();
-        let mut pattern: Option<String> = None;
-        for file in files {
-            let path = Path::new(file);
-            let name = file_name(path);
-            let fail = |problem: String| Error::Sequence { pattern: file.clone(), problem };
-            let (prefix, number, suffix) = split_number(&name)
+        let mut pattern: Option<PathBuf> = None;
+        for path in files {
+            let fail =
+                |problem: String| Error::Sequence { pattern: path.display().to_string(), problem };
+            let name = path.file_name().unwrap_or_default().to_str();
+            let name = name.ok_or_else(|| fail(NOT_TEXT.into()))?;
+            let (prefix, number, suffix) = split_number(name)
                 .ok_or_else(|| fail("several inputs, but this name has no number".into()))?;
             let own = path.with_file_name(format!("{prefix}{{}}{suffix}"));
-            let own = own.to_string_lossy().into_owned();
             match &pattern {
                 Some(first) if *first != own => {
                     let problem = format!(
-                        "does not belong to the sequence {first}; name the files of one sequence"
+                        "does not belong to the sequence {}; name the files of one sequence",
+                        first.display()
                     );
                     return Err(fail(problem));
                 }
@@ -527,6 +600,8 @@ fn is_absent(path: &Path) -> bool {
     let not_found = |error: &std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
     !cfg!(target_arch = "wasm32") && files::metadata(path).is_err_and(|error| not_found(&error))
 }
+/// The problem of a name that has to be compared with others.
+const NOT_TEXT: &str = "the names of a sequence are text in UTF-8, and this one is not; rename its files, or name one of them";
 
 /// The error of a file that cannot be opened, with the most similar name that is there.
 fn absent(path: &Path, error: std::io::Error) -> Error {
@@ -540,6 +615,10 @@ fn absent(path: &Path, error: std::io::Error) -> Error {
         return described(problem);
     }
     let name = file_name(path);
+    // The name of a file may be any bytes, but that of several is text.
+    if !is_text(path) && (placeholder(&name).is_some() || name.contains('*')) {
+        return described(NOT_TEXT.into());
+    }
     let names = file_names(folder_of(path)).unwrap_or_default();
     let similar = names
         .iter()
@@ -557,6 +636,11 @@ fn absent(path: &Path, error: std::io::Error) -> Error {
 fn folder_of(path: &Path) -> &Path {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
+}
+
+/// Whether the name of a file is text.
+fn is_text(path: &Path) -> bool {
+    path.file_name().is_none_or(|name| name.to_str().is_some())
 }
 
 fn file_name(path: &Path) -> String {
@@ -588,8 +672,7 @@ struct Pattern<'a> {
 
 impl<'a> Pattern<'a> {
     /// Parses a path; `None` if its file name has no placeholder.
-    fn parse(input: &'a str) -> Result<Option<Self>> {
-        let path = Path::new(input);
+    fn parse(path: &'a Path) -> Result<Option<Self>> {
         let Some(name) = path.file_name().and_then(OsStr::to_str) else { return Ok(None) };
         let folder = folder_of(path);
         let Some((at, length, width)) = placeholder(name) else { return Ok(None) };
@@ -597,7 +680,7 @@ impl<'a> Pattern<'a> {
         let (_, suffix) = rest.split_at(length);
         if placeholder(suffix).is_some() {
             let problem = "the file name has two places for a number, expected one".into();
-            return Err(Error::Sequence { pattern: input.into(), problem });
+            return Err(Error::Sequence { pattern: path.display().to_string(), problem });
         }
         Ok(Some(Self { folder, prefix, suffix, width }))
     }

@@ -18,7 +18,7 @@ use limpid_io::Error;
 use limpid_io::adjustments::{Adjustments, Sun};
 use limpid_io::camera_axes::GivenCamera;
 use limpid_io::camera_path::{CameraPath, Key};
-use limpid_io::input::{FrameTime, Input, UpFrom};
+use limpid_io::input::{FrameTime, Input, Loaded, Missing, UpFrom};
 use limpid_io::notice;
 use limpid_io::open::{Opened, Request};
 use limpid_io::project::Project;
@@ -45,6 +45,8 @@ fn seen(view: &CameraUniform, x: Vec3) -> Vec2 {
 }
 
 const PAIR: &str = "50.0 1.0 0.0\n50.2 1.0 0.0\n";
+/// A file that ends within a line, before text.
+const CUT: &str = "0.1 0.2\nnonsense\n";
 const CLOSER: &str = "50.0 1.0 0.0\n50.1 1.0 0.0\n";
 
 /// The radius comes from the first frame with particles, as emitters begin with none, and stays, although
@@ -60,6 +62,96 @@ fn the_first_nonempty_frame_sets_radius_and_view() {
     }
     let target = project.camera.expect("a fitted camera").target;
     assert!(target.abs_diff_eq(DVec3::new(50.1, 1.0, 0.0), 0.05), "{target}");
+}
+
+/// Frames that cannot be read, for whatever reason, are errors, left empty or held, and are told; neither radius nor
+/// view depends on them. Half-way to a frame that is held, particles stand still.
+#[test]
+fn unreadable_frames_are_treated_as_missing() {
+    let moved = "51.0 1.0 0.0\n51.2 1.0 0.0\n";
+    let folder = frames(&[CUT, PAIR, CUT, "", moved]);
+    std::fs::remove_file(folder.path().join("w_3.xyz")).unwrap();
+    // A picture, and a folder where a file was.
+    std::fs::write(folder.path().join("w_5.xyz"), b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR").unwrap();
+    std::fs::create_dir(folder.path().join("w_6.xyz")).unwrap();
+    let (mut input, project) = open(&folder).resolve().unwrap();
+    let target = project.camera.unwrap().target;
+    assert!((50.0..51.2).contains(&target.x), "{target}");
+    let load = |input: &Input, number| input.load(FrameTime::at(number), &project.scene);
+    for (number, is_damaged) in [(0, true), (1, false), (2, true), (4, false), (5, true), (6, true)]
+    {
+        assert_eq!(load(&input, number).is_err(), is_damaged, "{number}");
+    }
+    let told = |loaded: &Loaded| {
+        let remarks: Vec<String> = loaded.remarks.iter().map(ToString::to_string).collect();
+        remarks.join("; ")
+    };
+    input.missing = Missing::Empty;
+    for (number, particles) in [(0, 0), (1, 2), (2, 0), (3, 0), (4, 2), (5, 0), (6, 0)] {
+        let loaded = load(&input, number).unwrap();
+        assert_eq!(loaded.particles, particles, "{number}");
+        let file = format!("w_{number}.xyz: ");
+        let is_told = told(&loaded).contains(&file) && told(&loaded).contains("nothing is shown");
+        assert_eq!(is_told, [0, 2, 5, 6].contains(&number), "{number}: {}", told(&loaded));
+    }
+    input.missing = Missing::Hold;
+    for (number, x, shown) in
+        [(1, 50.0, None), (2, 50.0, Some(1)), (3, 50.0, Some(1)), (6, 51.0, Some(4))]
+    {
+        let loaded = load(&input, number).unwrap();
+        assert_eq!(loaded.bounds.0.x, x, "{number}");
+        let expected =
+            shown.map_or(String::new(), |shown| format!("; frame {shown} is shown in its place"));
+        assert!(told(&loaded).ends_with(&expected), "{number}: {}", told(&loaded));
+        assert_eq!(loaded.remarks.len(), usize::from(shown.is_some()));
+    }
+    assert_eq!(load(&input, 0).unwrap().particles, 0, "nothing is before the first");
+    let half = FrameTime { frame: 1, next: 2, fraction: 0.5 };
+    let still = input.load(half, &project.scene).unwrap();
+    assert_eq!((still.bounds.0.x, still.remarks.len()), (50.0, 1));
+
+    let folder = frames(&[CUT, CUT]);
+    let mut input = open(&folder);
+    input.missing = Missing::Hold;
+    let error = input.resolve().unwrap_err().to_string();
+    assert!(error.contains("w_0.xyz"), "no frame can be read: {error}");
+}
+
+/// A piece that a frame's file lists is looked for before any frame is read.
+#[test]
+fn listed_pieces_are_looked_for_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let pieces = |piece: &str| {
+        format!(
+            "<VTKFile type=\"PUnstructuredGrid\"><PUnstructuredGrid><Piece Source=\"{piece}\"/></PUnstructuredGrid></VTKFile>"
+        )
+    };
+    std::fs::write(at("a.xyz"), PAIR).unwrap();
+    std::fs::write(at("b.pvtu"), pieces("b_0.vtu")).unwrap();
+    let listed = |files: &[&str]| {
+        let sets: Vec<String> = (0..)
+            .zip(files)
+            .map(|(time, file)| format!("<DataSet timestep=\"{time}\" file=\"{file}\"/>"))
+            .collect();
+        let list = format!(
+            "<VTKFile type=\"Collection\"><Collection>{}</Collection></VTKFile>",
+            sets.concat()
+        );
+        std::fs::write(at("all.pvd"), list).unwrap();
+        Input::open(at("all.pvd")).unwrap()
+    };
+    let all = [0, 1, 2].map(FrameTime::at);
+    assert!(listed(&["a.xyz", "a.xyz", "a.xyz"]).check_files(&all).is_ok());
+    let mut input = listed(&["a.xyz", "a.xyz", "b.pvtu"]);
+    let error = input.check_files(&all).unwrap_err();
+    assert!(matches!(error, Error::MissingFrames { .. }), "{error}");
+    assert!(error.to_string().contains("b_0.vtu") && error.to_string().contains("all.pvd"));
+    assert!(input.check_files(&all[..2]).is_ok(), "of the frames that are drawn");
+    input.missing = Missing::Hold;
+    assert!(input.check_files(&all).is_ok());
+    let loaded = input.load(FrameTime::at(2), &Scene::default()).unwrap();
+    assert_eq!(loaded.particles, 2, "held");
 }
 
 /// A scene without a camera gets one camera for all frames, which sees the first and the last.
@@ -286,7 +378,7 @@ fn the_axis_that_points_up_is_guessed() {
     let loaded = input.load(FrameTime::at(1), &project.scene).unwrap();
     assert_eq!(loaded.up, (Up::Z, UpFrom::Guess));
 
-    let name = Some(folder.path().join("w_{}.xyz").to_str().unwrap().to_owned());
+    let name = Some(folder.path().join("w_{}.xyz"));
     let adjustments = Adjustments { up: Some(Up::Y), ..Adjustments::default() };
     let opened = Request { input: name, adjustments, ..Request::default() }.open().unwrap();
     assert!(!opened.input.is_turned());
@@ -355,7 +447,7 @@ fn the_axis_that_points_up_is_told() {
     // An option goes before a scene, a scene before the format, and the format before the scene's silence.
     let of = |name: &str, up: Option<Up>, scene: &str| {
         std::fs::write(path("scene.toml"), scene.replace("FILE", name)).unwrap();
-        let input = Some(path("scene.toml").to_str().unwrap().to_owned());
+        let input = Some(path("scene.toml"));
         let adjustments = Adjustments { up, ..Adjustments::default() };
         let opened = Request { input, adjustments, ..Request::default() }.open().unwrap();
         opened.input.up()
@@ -392,7 +484,7 @@ fn assert_seen_as(ours: &Camera, own: &Camera, what: &str) {
 #[test]
 fn cameras_count_in_the_axes_of_the_files() {
     let folder = frames(&[&z_up(|x, y| 6.0 + 4.0 * (0.4 * x).sin() + (0.9 * y).cos())]);
-    let pattern = folder.path().join("w_{}.xyz").to_str().unwrap().to_owned();
+    let pattern = folder.path().join("w_{}.xyz");
     let request = Request { input: Some(pattern), ..Request::default() };
     let paraview = "eye=1.2,-1.4,0.8 target=0.25,0.15,0.1 up=0,0,1 fov_y=30";
     let cases = [
@@ -493,7 +585,7 @@ fn cameras_count_in_the_axes_of_the_files() {
 #[test]
 fn unseen_liquid_is_described_in_the_axes_of_the_camera() {
     let folder = frames(&[&z_up(|x, y| 6.0 + 4.0 * (0.4 * x).sin() + (0.9 * y).cos())]);
-    let pattern = folder.path().join("w_{}.xyz").to_str().unwrap().to_owned();
+    let pattern = folder.path().join("w_{}.xyz");
     let notice = |camera: &str, camera_up| {
         let camera = Some(camera.parse().unwrap());
         let request =
@@ -527,7 +619,7 @@ fn unseen_liquid_is_described_in_the_axes_of_the_camera() {
 #[test]
 fn sky_is_replaced_alone() {
     let folder = frames(&[&z_up(|_, _| 9.0)]);
-    let name = folder.path().join("w_0.xyz").to_str().unwrap().to_owned();
+    let name = folder.path().join("w_0.xyz");
     let scene = |adjustments: Adjustments| {
         let request = Request { input: Some(name.clone()), adjustments, ..Request::default() };
         request.open().unwrap().project.scene

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use limpid_io::Error;
 use limpid_io::frames::{FrameSpec, Shard};
-use limpid_io::sequence::Sequence;
+use limpid_io::sequence::{Missing, Sequence};
 use tempfile::TempDir;
 
 fn folder(names: &[&str]) -> TempDir {
@@ -112,7 +112,8 @@ fn missing_files_and_folders_are_io_errors() {
 }
 
 fn frames(spec: &str) -> Vec<i64> {
-    spec.parse::<FrameSpec>().unwrap_or_else(|error| panic!("{error}")).frames().collect()
+    let frames = spec.parse::<FrameSpec>().and_then(|spec| spec.frames());
+    frames.unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
@@ -152,7 +153,8 @@ fn frame_specs_are_written_as_parsed() {
         ("all", "all"),
         ("1,2,3,5,7,8", "1-3,5,7-8"),
         ("-3--1,4", "-3--1,4"),
-        ("10-8", "10,9,8"),
+        ("10-8", "10-8"),
+        ("1-10:3,20-10y4, -1..5@b", "1-10x3,20-10y4,-1-5@b"),
         ("9223372036854775806,9223372036854775807", "9223372036854775806-9223372036854775807"),
     ] {
         let parsed: FrameSpec = spec.parse().unwrap();
@@ -207,7 +209,7 @@ fn bad_frame_specs_are_usage_errors() {
         "1-6000000,1-6000000",
     ];
     for spec in cases {
-        match spec.parse::<FrameSpec>() {
+        match spec.parse::<FrameSpec>().and_then(|spec| spec.frames()) {
             Err(Error::Usage(text)) => assert!(text.starts_with("frames"), "{text}"),
             other => panic!("{spec:?}: {other:?}"),
         }
@@ -228,6 +230,70 @@ fn frames_are_selected_from_a_sequence() {
     assert!(matches!(error, Error::MissingFrames { .. }));
     let text = error.to_string();
     assert!(text.contains("2 of 5 frames are missing: 3, 9; there are 3 from 1 to 4"), "{text}");
+}
+
+/// Files that are numbered by steps: a range means the frames between its ends, whatever steps it counts; gaps
+/// and held frames follow the stride, and no number between two files is ever a frame.
+#[test]
+fn ranges_of_steps_count_files() {
+    let numbered = |numbers: &[i64]| {
+        let names: Vec<String> = numbers.iter().map(|n| format!("w_{n}.ply")).collect();
+        let folder = folder(&names.iter().map(String::as_str).collect::<Vec<_>>());
+        open(&folder, "w_{}.ply").unwrap()
+    };
+    let select = |sequence: &Sequence, spec: &str, missing| {
+        spec.parse::<FrameSpec>().unwrap().numbers(sequence, missing)
+    };
+    let even = numbered(&[0, 1500, 3000, 4500, 6000]);
+    assert_eq!((even.even_stride(), even.is_by_steps(), even.gaps()), (Some(1500), true, vec![]));
+    for (spec, expected) in [
+        ("1500-6000", &[1500, 3000, 4500, 6000][..]),
+        ("1-6100", &[1500, 3000, 4500, 6000]),
+        ("-5-1500", &[0, 1500]),
+        ("6000-1500", &[6000, 4500, 3000, 1500]),
+        ("0-6000x2", &[0, 3000, 6000]),
+        ("0-6000x3000", &[0, 3000, 6000]),
+        ("0-6000y3000", &[1500, 4500]),
+        ("0-6000@b", &[0, 6000, 3000, 1500, 4500]),
+        ("3000,0-1500", &[3000, 0, 1500]),
+    ] {
+        for missing in [Missing::Error, Missing::Hold, Missing::Empty] {
+            assert_eq!(select(&even, spec, missing).unwrap(), expected, "{spec}");
+        }
+    }
+    for (spec, problem) in [
+        ("1600-2900", "no frame is in 1600-2900; there are 5 from 0 to 6000, by steps of 1500"),
+        ("1600", "1 of 1 frames are missing: 1600; there are 5"),
+        ("4500-9000", "2 of 4 frames are missing: 7500, 9000"),
+    ] {
+        let error = select(&even, spec, Missing::Error).unwrap_err().to_string();
+        assert!(error.contains(problem), "{error}");
+    }
+    // Larger numbers than frames can be.
+    assert_eq!(select(&even, "1000-6000000000:1000000000", Missing::Empty).unwrap().len(), 4);
+
+    // A gap of the stride, in negative numbers.
+    let gap = numbered(&[-40, -20, 20, 40]);
+    assert!(select(&gap, "-40-40", Missing::Error).is_err());
+    assert_eq!(select(&gap, "-40-40", Missing::Hold).unwrap(), [-40, -20, 0, 20, 40]);
+
+    // Steps of varying length, and a last one out of turn, as of a restart.
+    for numbers in [&[0, 1500, 3100][..], &[7, 1501, 3107, 4600], &[0, 1500, 3000, 4500, 4501]] {
+        let uneven = numbered(numbers);
+        assert_eq!((uneven.even_stride(), uneven.gaps()), (None, vec![]));
+        for missing in [Missing::Error, Missing::Hold] {
+            assert_eq!(select(&uneven, "8-4600", missing).unwrap(), numbers[1..]);
+            assert_eq!(select(&uneven, "0-9999", missing).unwrap(), numbers);
+            assert_eq!(select(&uneven, "all", missing).unwrap(), numbers);
+        }
+    }
+
+    // Frames that follow each other are numbered by 1, however many are missing.
+    for numbers in [&[1, 2, 4][..], &[1, 3, 6], &[1, 2, 3, 4, 900], &[5]] {
+        let frames = numbered(numbers);
+        assert_eq!((frames.even_stride(), frames.is_by_steps()), (Some(1), false), "{numbers:?}");
+    }
+    assert!(select(&numbered(&[1, 3, 6]), "1-6", Missing::Error).is_err());
 }
 
 /// Together, any number of shards contains every frame once.

@@ -139,8 +139,7 @@ impl Frames {
             framing: Framing::of(size.into()),
             ..Setting::default()
         };
-        let staged =
-            work::run(py, move |_| setting.stage(Input::open(&source.to_string_lossy())?))?;
+        let staged = work::run(py, move |_| setting.stage(Input::open(&source)?))?;
         let input = &staged.opened.input;
         let all = || input.sequence.frames.iter().map(|frame| frame.number).collect();
         let numbers = input.frame.map_or_else(all, |frame| vec![frame]);

@@ -79,7 +79,7 @@ impl Document {
     /// As [`Input::open`] and [`Input::resolve`].
     pub fn open(source: &Source) -> Result<Self> {
         let request = Request {
-            input: Some(source.input.clone()),
+            input: Some(source.input.clone().into()),
             scene: source.scene.clone(),
             radius: source.radius,
             overrides: source.overrides.clone(),
@@ -158,9 +158,9 @@ impl Document {
     /// As [`Files::writes`].
     pub fn check_output(&self, path: &Path, kind: FileKind) -> Result<()> {
         let mut files = Files::default();
-        let scene = self.source.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
-        for input in [Some(self.source.input.clone()), scene].into_iter().flatten() {
-            files_of(&input).iter().for_each(|path| files.reads(path));
+        let input = PathBuf::from(&self.source.input);
+        for input in [Some(&input), self.source.scene.as_ref()].into_iter().flatten() {
+            files_of(input).iter().for_each(|path| files.reads(path));
         }
         files.writes(path, kind)
     }
@@ -186,7 +186,7 @@ impl Document {
             let opened = Path::new(&self.source.input);
             let name = opened.file_stem().unwrap_or_default().to_string_lossy();
             project.source = LiquidSource::File(ParticleSource {
-                source: bake::frame_pattern(&bake::folder(opened), &name),
+                source: bake::frame_pattern(&bake::folder(opened), &name).into(),
                 frame: None,
                 radius: Some(simulation.particle_radius() as f32),
                 up: Some(Up::Y),
@@ -202,7 +202,7 @@ impl Document {
         };
         if let Some(ParticleSource { radius, up, fps, scale, map, .. }) = unnamed {
             project.source = LiquidSource::File(ParticleSource {
-                source: self.source.input.clone(),
+                source: self.source.input.clone().into(),
                 frame: None,
                 radius: self.source.radius.or(radius),
                 up,

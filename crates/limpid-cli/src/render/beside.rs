@@ -1,11 +1,11 @@
 //! Several inputs beside each other: `limpid render A B --beside`. They have one camera, one scale and one clock, and each
 //! its name below.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::UVec2;
 use image::{DynamicImage, GenericImage as _, Rgb, RgbImage};
-use indicatif::ProgressBar;
 use limpid::camera::View;
 use limpid::liquid::Up;
 use limpid::look::{Body, Framing};
@@ -74,6 +74,9 @@ pub(super) fn run(mut args: Args) -> anyhow::Result<u8> {
     let ups = (opened[0].camera_up, opened[0].input.up().0);
     let inputs: Vec<&Input> = opened.iter().map(|opened| &opened.input).collect();
     let Clock { times, numbers, fps } = clock(args, &inputs, &sources)?;
+    for ((input, times), source) in inputs.iter().zip(&times).zip(&sources) {
+        input.check_files(times).map_err(|error| of_input(error, source))?;
+    }
     let shots = plan::shots(args, camera, ups.1, &numbers, fps)?;
     output::check(args, &shots)?;
     signals::finish_first();
@@ -84,8 +87,7 @@ pub(super) fn run(mut args: Args) -> anyhow::Result<u8> {
     }
     let (gpu, cache) = pipeline_cache::open_adapter()?;
     let classifier = SharedClassifier::on(&gpu);
-    let bar =
-        if args.quiet { ProgressBar::hidden() } else { crate::terminal::progress(shots.len()) };
+    let bar = crate::terminal::progress(shots.len());
     let sides = sources.into_iter().zip(opened).zip(times);
     let mut sides: Vec<Side> = sides
         .map(|((source, opened), times)| {
@@ -94,7 +96,8 @@ pub(super) fn run(mut args: Args) -> anyhow::Result<u8> {
             let overlay = plan::overlay(args, &input);
             let fingerprints = Fingerprints::new(&input, &times, &scene, sizes.picture, None);
             let input = input.classified(classifier.clone());
-            let console = Console::new(bar.clone(), args.quiet).of(&source);
+            let source = source.display().to_string();
+            let console = Console::new(bar.clone()).of(&source);
             let remarks = project.solid_files.remarks.into_iter();
             remarks.for_each(|remark| console.line(&remark));
             Side { source, input, scene, times, overlay, fingerprints, console, last: None }
@@ -111,7 +114,7 @@ pub(super) fn run(mut args: Args) -> anyhow::Result<u8> {
         let told = (ups.0, adapter.as_str());
         for (side, left) in sides.iter_mut().zip(sizes.lefts()) {
             let drawn = side.draw(&mut offscreen, shot, &sizes, args.alpha, told);
-            let drawn = drawn.map_err(|error| of_input(error, &side.source))?;
+            let drawn = drawn.map_err(|error| of_input(error, Path::new(&side.source)))?;
             picture.copy_from(&drawn, left, 0).expect("it fits");
         }
         output.write(shot, &picture, None, fingerprint(&sides, shot))?;
@@ -123,7 +126,7 @@ pub(super) fn run(mut args: Args) -> anyhow::Result<u8> {
     }
     let summary = output.summary(&numbers_of(&shots), 0);
     output.finish()?;
-    Console::new(bar, args.quiet).line(&summary);
+    Console::new(bar).line(&summary);
     Ok(crate::SUCCESS)
 }
 
@@ -219,15 +222,16 @@ impl Side {
 }
 
 /// Adds the input to an error that does not name it.
-fn of_input(error: Error, input: &str) -> Error {
-    match error.to_string().contains(input) {
+fn of_input(error: Error, input: &Path) -> Error {
+    let input = input.display().to_string();
+    match error.to_string().contains(&input) {
         true => error,
-        false => Error::Input { input: input.into(), source: error.into() },
+        false => Error::Input { input, source: error.into() },
     }
 }
 
 /// Opens the inputs in scenes that are made for all of them together.
-fn open(args: &Args, sources: &[String], size: UVec2) -> limpid_io::Result<Vec<Opened>> {
+fn open(args: &Args, sources: &[PathBuf], size: UVec2) -> limpid_io::Result<Vec<Opened>> {
     let framing = Framing { all_round: args.turntable.is_some(), ..Framing::of(size) };
     let open = |together: Option<&Body>| -> limpid_io::Result<Vec<Opened>> {
         let opened = sources.iter().map(|source| {
@@ -247,7 +251,7 @@ fn open(args: &Args, sources: &[String], size: UVec2) -> limpid_io::Result<Vec<O
 
 /// One clock for all inputs: by their times, from the first frame of each, if these differ, and else by their frames'
 /// numbers. One that has ended holds its last frame, and a single frame stands still.
-fn clock(args: &Args, inputs: &[&Input], sources: &[String]) -> limpid_io::Result<Clock> {
+fn clock(args: &Args, inputs: &[&Input], sources: &[PathBuf]) -> limpid_io::Result<Clock> {
     let frames = inputs.iter().zip(sources).map(|(input, source)| {
         let numbers = plan::spec(args, input).numbers(&input.sequence, input.missing);
         let mut numbers = numbers.map_err(|error| of_input(error, source))?;

@@ -11,12 +11,11 @@ use limpid_io::input::{Loaded, RadiusFrom, UpFrom};
 use limpid_io::notice::{self, Notice, thousands};
 use limpid_io::particles::{Array, Remark};
 
-use crate::remedy;
+use crate::{remedy, terminal};
 
-/// Prints messages above the progress bar, unless `quiet`.
+/// Prints messages above the progress bar, unless [silent](terminal::silence).
 pub(super) struct Console {
     pub(super) bar: ProgressBar,
-    pub(super) quiet: bool,
     /// The input that messages are about, if there are several.
     input: Option<String>,
     /// The kinds of notices already printed, which are not repeated for every frame.
@@ -32,10 +31,9 @@ pub(super) struct Console {
 }
 
 impl Console {
-    pub(super) fn new(bar: ProgressBar, quiet: bool) -> Self {
+    pub(super) fn new(bar: ProgressBar) -> Self {
         Self {
             bar,
-            quiet,
             input: None,
             printed: Vec::new(),
             incomplete: Vec::new(),
@@ -51,12 +49,10 @@ impl Console {
     }
 
     pub(super) fn line(&self, line: &str) {
-        if !self.quiet {
-            // Messages on a file begin with its name.
-            let input = self.input.as_ref().filter(|input| !line.starts_with(input.as_str()));
-            let line = input.map_or_else(|| line.to_owned(), |input| format!("{input}: {line}"));
-            self.bar.suspend(|| crate::terminal::warn(line));
-        }
+        // Messages on a file begin with its name.
+        let input = self.input.as_ref().filter(|input| !line.starts_with(input.as_str()));
+        let line = input.map_or_else(|| line.to_owned(), |input| format!("{input}: {line}"));
+        self.bar.suspend(|| terminal::remark(line));
     }
 
     pub(super) fn notice(&mut self, notice: &Notice) {
@@ -90,8 +86,11 @@ impl Console {
         camera_up: Up,
         adapter: &str,
     ) {
-        if self.quiet || loaded.particles == 0 {
+        if terminal::is_silent() {
             return;
+        }
+        if loaded.particles == 0 {
+            return notice::of_reading(loaded).iter().for_each(|notice| self.notice(notice));
         }
         if !self.described {
             self.described = true;

@@ -105,9 +105,10 @@ impl Log {
         fingerprint: Fingerprint,
         error: Error,
     ) -> limpid_io::Result<()> {
+        let problem = format!("frame {}: {}", shot.number, remedy::with_remedy(&error));
         let error = error.of_frame(shot.number);
         let outcome = Outcome {
-            error: Some(remedy::with_remedy(&error)),
+            error: Some(problem.clone()),
             code: Some(error.category() as u8),
             ..Outcome::default()
         };
@@ -115,7 +116,7 @@ impl Log {
         if !self.keep_going {
             return Err(error);
         }
-        self.warn(remedy::with_remedy(&error));
+        self.warn(problem);
         self.failed.push(shot.number);
         self.bar.inc(1);
         Ok(())

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::fingerprint::Fingerprint;
 use glam::UVec2;
-use image::DynamicImage;
+use image::{DynamicImage, RgbImage};
 use limpid::aov::{Aov, Part};
 use limpid_io::Error;
 use limpid_io::exr;
@@ -18,9 +18,40 @@ use crate::standard;
 /// The destination of the pictures.
 pub(super) enum Output {
     Pictures(Pictures),
-    Film(Box<Film>),
+    Film(Box<FilmOutput>),
     /// One PNG on standard output.
     Standard,
+}
+
+/// A film in which failed pictures are replaced.
+pub(super) struct FilmOutput {
+    film: Film,
+    /// The last picture that was drawn.
+    last: Option<RgbImage>,
+    /// Number of failed pictures before the first that is drawn.
+    failed: usize,
+}
+
+impl FilmOutput {
+    fn push(&mut self, picture: RgbImage) -> limpid_io::Result<()> {
+        for _ in 0..std::mem::take(&mut self.failed) {
+            self.film.push(&picture)?;
+        }
+        self.film.push(&picture)?;
+        self.last = Some(picture);
+        Ok(())
+    }
+
+    /// Repeats the picture before a failed one, or else the first, so that the others keep their times.
+    fn repeat(&mut self) -> limpid_io::Result<()> {
+        match &self.last {
+            Some(picture) => self.film.push(picture),
+            None => {
+                self.failed += 1;
+                Ok(())
+            }
+        }
+    }
 }
 
 /// Pictures in separate files.
@@ -36,8 +67,7 @@ pub(super) struct Pictures {
 /// or cannot be written.
 pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
     let mut files = Files::default();
-    let scene = args.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
-    for input in args.input.iter().chain(&args.others).chain(&scene) {
+    for input in args.input.iter().chain(&args.others).chain(&args.scene) {
         input::files_of(input).iter().for_each(|path| files.reads(path));
     }
     args.camera_path.iter().for_each(|path| files.reads(path));
@@ -78,7 +108,7 @@ impl Output {
         let name = path.display();
         let refuse = |problem: &str| Err(Error::Usage(format!("{name}: {problem}")));
         // Only a name with a placeholder can name two files.
-        if OutputNames::parse(&name.to_string(), 2).is_ok() {
+        if OutputNames::parse(path, 2).is_ok() {
             return refuse("a film is one file; leave the place for the number out");
         }
         if args.shard.is_some() {
@@ -90,9 +120,6 @@ impl Output {
         if args.skip_existing {
             return refuse("--skip-existing completes pictures; a film is written whole");
         }
-        if args.keep_going {
-            return refuse("--keep-going leaves frames out; a film is written whole");
-        }
         if args.aov.is_some() {
             return refuse("--aov goes beside pictures; write .png");
         }
@@ -103,7 +130,12 @@ impl Output {
             return refuse("--manifest lists pictures, and a film is one file; write .png");
         }
         output::sweep(folder_of(path));
-        Film::create(path, args.size, fps).map(|film| Self::Film(Box::new(film)))
+        let film = Film::create(path, args.size, fps)?;
+        Ok(Self::Film(Box::new(FilmOutput { film, last: None, failed: 0 })))
+    }
+
+    pub(super) fn is_film(&self) -> bool {
+        matches!(self, Self::Film(_))
     }
 
     pub(super) fn pictures(&self) -> Option<&Pictures> {
@@ -129,13 +161,21 @@ impl Output {
                 picture,
                 &fingerprint.notes(picture.as_bytes()),
             ),
-            (Self::Film(film), _) => film.push(&picture.to_rgb8()),
+            (Self::Film(film), _) => film.push(picture.to_rgb8()),
             (Self::Standard, _) => {
                 let mut bytes = Vec::new();
                 output::encode_png(&mut bytes, picture, &fingerprint.notes(picture.as_bytes()))
                     .map_err(|source| Error::Io { path: "-".into(), action: "write", source })?;
                 standard::write(&bytes)
             }
+        }
+    }
+
+    /// Replaces a picture that failed, where the others depend on it.
+    pub(super) fn replace(&mut self) -> limpid_io::Result<()> {
+        match self {
+            Self::Film(film) => film.repeat(),
+            Self::Pictures(_) | Self::Standard => Ok(()),
         }
     }
 
@@ -158,14 +198,14 @@ impl Output {
                 pictures.names.path(number).display().to_string()
             }
             (Self::Pictures(_), None) => String::new(),
-            (Self::Film(film), _) => film.path().display().to_string(),
+            (Self::Film(output), _) => output.film.path().display().to_string(),
             (Self::Standard, _) => "standard output".into(),
         };
         let (first, last) = (path(numbers.iter().min()), path(numbers.iter().max()));
         match self {
+            _ if count == 0 => format!("wrote nothing{existing}"),
             Self::Film(_) if count == 1 => format!("wrote {first}, one picture"),
             Self::Film(_) => format!("wrote {first}, {count} pictures"),
-            _ if count == 0 => format!("wrote nothing{existing}"),
             _ if count == 1 => format!("wrote {first}{existing}"),
             _ => format!("wrote {count} pictures, {first} to {last}{existing}"),
         }
@@ -174,14 +214,15 @@ impl Output {
     pub(super) fn finish(self) -> limpid_io::Result<()> {
         match self {
             Self::Pictures(_) | Self::Standard => Ok(()),
-            Self::Film(film) => film.finish(),
+            Self::Film(output) if output.last.is_none() => Ok(()),
+            Self::Film(output) => output.film.finish(),
         }
     }
 }
 
 /// Whether the picture goes to standard output.
 fn is_standard(args: &Args) -> bool {
-    args.output.as_deref() == Some(standard::DASH)
+    args.output.as_deref().is_some_and(standard::is_dash)
 }
 
 /// Fails unless standard output gets one picture, and nothing that goes beside it or depends on its file.
@@ -208,7 +249,8 @@ impl Pictures {
     /// Parses the output name for `count` pictures.
     fn new(args: &Args, count: usize) -> limpid_io::Result<Self> {
         let default = if count == 1 { "limpid.png" } else { "limpid_####.png" };
-        let names = OutputNames::parse(args.output.as_deref().unwrap_or(default), count)?;
+        let names =
+            OutputNames::parse(args.output.as_deref().unwrap_or(Path::new(default)), count)?;
         let path = names.path(0);
         let format = PictureFormat::of(&path).map_err(|error| {
             Error::Usage(format!("{error}, a film in .mp4, .webm, .gif or .apng"))

@@ -1,5 +1,7 @@
 //! The plan of a run: scene, particles and pictures, from the arguments.
 
+use std::path::PathBuf;
+
 use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
@@ -52,6 +54,9 @@ impl Plan {
         input.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
         let overlay = overlay(args, &input);
         let (frame_times, numbers, fps) = frame_times(args, &input)?;
+        if !args.keep_going {
+            input.check_files(&frame_times)?;
+        }
         let shots = shots(args, camera, input.up().0, &numbers, fps)?;
         let mut notices = notices(args, &input, numbers.len());
         notices.extend(incomplete.into_iter().map(Notice::Incomplete));
@@ -60,7 +65,7 @@ impl Plan {
 }
 
 /// What to open for an input, which may be standard input.
-pub(super) fn request(args: &Args, input: Option<String>, framing: Framing) -> Request {
+pub(super) fn request(args: &Args, input: Option<PathBuf>, framing: Framing) -> Request {
     // In this order, since later overrides replace earlier ones.
     let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
     overrides.extend(args.set.iter().cloned());
@@ -92,7 +97,7 @@ pub(super) fn overlay(args: &Args, input: &Input) -> Overlay {
 pub(super) fn spec(args: &Args, input: &Input) -> FrameSpec {
     match (&args.frames, input.frame) {
         (Some(spec), _) => spec.clone(),
-        (None, Some(frame)) => FrameSpec::List(vec![frame]),
+        (None, Some(frame)) => FrameSpec::list([frame]),
         (None, None) => FrameSpec::All,
     }
 }
@@ -143,12 +148,14 @@ fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
     let single = args.at.is_some() || input.frame.is_some();
     let all = matches!(args.frames, None | Some(FrameSpec::All)) && !single;
     let gaps = notice::of_sequence(input).filter(|_| all);
+    let steps = args.frames.as_ref().filter(|_| !single);
+    let steps = steps.and_then(|spec| notice::of_selection(spec, &input.sequence, pictures));
     let timed = film_path(args).is_some()
         || args.speed.is_some()
         || args.camera_path.is_some()
         || args.turntable.is_some();
     let assumed = timed && pictures > 1 && args.fps.or(input.fps()).is_none();
-    gaps.into_iter().chain(assumed.then_some(Notice::Rate(DEFAULT_FPS))).collect()
+    gaps.into_iter().chain(steps).chain(assumed.then_some(Notice::Rate(DEFAULT_FPS))).collect()
 }
 
 /// Lists the pictures with their cameras; `camera` is the initial one, and `files` the axis that points up in the files.

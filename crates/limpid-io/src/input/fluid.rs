@@ -115,42 +115,58 @@ impl Fluid {
         if let Some(particles) = self.unchanged() {
             return Ok((particles, None));
         }
-        let Contents { particles, up, .. } = self.contents(number, Missing::Error)?;
+        let (_, Contents { particles, up, .. }) = self.contents(number, Missing::Error)?;
         Ok((Arc::new(particles), up.map(|(up, program)| (up, UpFrom::Format(program)))))
     }
 
     /// The contents at a frame time, y up.
     pub(super) fn contents_at(&self, at: FrameTime, missing: Missing) -> Result<Contents> {
-        let contents = self.contents(at.frame, missing)?;
+        let (shown, mut contents) = self.contents(at.frame, missing)?;
         if at.fraction == 0.0 {
             return Ok(contents);
         }
-        let next = self.contents(at.next, missing)?.particles;
+        let (next_shown, next) = self.contents(at.next, missing)?;
+        contents.remarks.extend(next.remarks);
+        // What is held stands still.
+        if next_shown == shown {
+            return Ok(contents);
+        }
+        let next = next.particles;
         let count = contents.particles.len() + next.len();
         memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
         let particles = Particles::between(&contents.particles, &next, at.fraction);
         Ok(Contents { particles, ..contents })
     }
 
-    /// The contents of a frame, y up.
-    pub(super) fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
+    /// The contents of a frame, y up, and the number of the frame that is shown, if one is.
+    pub(super) fn contents(
+        &self,
+        number: i64,
+        missing: Missing,
+    ) -> Result<(Option<i64>, Contents)> {
         // They are those of whatever frame solids are shown at.
         let number = if let FluidSource::Given(_) = self.source { 0 } else { number };
-        let Some(frame) = self.sequence.shown_or_missing(number, missing)? else {
-            return Ok(Contents::default());
-        };
-        let mut contents = match &self.source {
-            FluidSource::Files => frame.read(&self.options)?,
-            FluidSource::Memory(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
+        let read = |frame: &Frame| match &self.source {
+            FluidSource::Files => frame.read(&self.options),
+            FluidSource::Memory(bytes) => Contents::parse(&frame.path, bytes, &self.options),
             FluidSource::Given(particles) => {
                 classify::probe_memory(particles.len(), &self.sequence.pattern)?;
-                Particles::clone(particles).into()
+                Ok(Particles::clone(particles).into())
             }
-            FluidSource::Recipe(recipe) => return Ok(recipe.particles()?.into()),
+            FluidSource::Recipe(recipe) => Ok(recipe.particles()?.into()),
         };
-        contents.particles.to_y_up(self.up);
-        contents.particles.scale(self.scale);
-        Ok(contents)
+        let mut remarks = Vec::new();
+        let shown = self.sequence.read_shown(number, missing, &mut remarks, read)?;
+        let (shown, mut contents) = match shown {
+            Some((shown, contents)) => (Some(shown), contents),
+            None => (None, Contents::default()),
+        };
+        contents.remarks.extend(remarks);
+        if !matches!(self.source, FluidSource::Recipe(_)) {
+            contents.particles.to_y_up(self.up);
+            contents.particles.scale(self.scale);
+        }
+        Ok((shown, contents))
     }
 
     /// The origin of a frame's particles.
@@ -203,8 +219,16 @@ impl Fluid {
         let numbers: Vec<i64> = self.sequence.frames.iter().map(|frame| frame.number).collect();
         let mut body: Option<Body> = None;
         let mut first = numbers.len();
+        // Damaged frames are errors, or replaced, once they are drawn.
+        let mut damage = None;
         for (i, &number) in numbers.iter().enumerate() {
-            let (particles, told) = self.particles(number)?;
+            let (particles, told) = match self.particles(number) {
+                Err(error) if error.is_of_reading() => {
+                    damage.get_or_insert(error);
+                    continue;
+                }
+                particles => particles?,
+            };
             if particles.is_empty() {
                 continue;
             }
@@ -224,13 +248,15 @@ impl Fluid {
             first = i;
             break;
         }
+        if let Some(error) = damage.filter(|_| first == numbers.len()) {
+            return Err(error);
+        }
         let last = numbers.len().saturating_sub(1);
         let others = [first + (last.saturating_sub(first)) / 2, last];
         for (k, &i) in others.iter().enumerate() {
             if !all || i <= first || others[..k].contains(&i) {
                 continue;
             }
-            // A damaged frame is an error once it is drawn.
             let Ok((particles, _)) = self.particles(numbers[i]) else { continue };
             let radius = body.as_ref().map_or(0.0, |body| body.radius);
             up = up.or_else(|| guess(&particles, radius));

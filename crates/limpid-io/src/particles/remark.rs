@@ -44,6 +44,13 @@ pub enum Remark {
         /// The first step that does not follow the one before it.
         step: i64,
     },
+    /// A frame that cannot be read, where such frames are replaced.
+    Unread {
+        /// The error of its file.
+        problem: String,
+        /// The number of the frame that is shown in its place, if one is.
+        shown: Option<i64>,
+    },
 }
 
 /// What the parts of a frame are counted by.
@@ -63,6 +70,7 @@ impl Remark {
             | Self::Transposed { array, .. }
             | Self::Planar { array } => array,
             Self::Partial { .. } | Self::Renumbered { .. } => "",
+            Self::Unread { problem, .. } => problem,
         };
         (discriminant(self), name)
     }
@@ -91,6 +99,12 @@ impl fmt::Display for Remark {
                 f,
                 "the frames are numbered from 0: the time step {step} does not follow the one before it"
             ),
+            Self::Unread { problem, shown: Some(number) } => {
+                write!(f, "{problem}; frame {number} is shown in its place")
+            }
+            Self::Unread { problem, shown: None } => {
+                write!(f, "{problem}; nothing is shown in its place")
+            }
         }
     }
 }

@@ -12,7 +12,8 @@ use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::meshes::rigid_bodies::{Pose, RigidBody, read_bodies, read_poses};
 use crate::meshes::{self, LoadedMesh};
-use crate::sequence::{FrameTime, Missing, Sequence};
+use crate::particles::Remark;
+use crate::sequence::{Frame, FrameTime, Missing, Sequence};
 use limpid::liquid::Up;
 use limpid::mesh::{Mesh, MeshData, Placement, linear_from_srgb};
 use limpid::scene::{MAX_SOLIDS, Shape, Solid, Surface};
@@ -65,7 +66,7 @@ impl Bodies {
         budget: &Budget,
     ) -> Result<(Self, Vec<Solid>)> {
         let file = BodiesFile { source: folder.join(&file.source), ..file.clone() };
-        let sequence = Sequence::open(&file.source.to_string_lossy())?;
+        let sequence = Sequence::open(&file.source)?;
         let path = &sequence.frames[0].path;
         let bodies = read_bodies(path)?;
         let is_drawn = |&number: &usize| file.walls || !bodies[number].is_wall;
@@ -125,14 +126,20 @@ impl Bodies {
         self.drawn.len()
     }
 
-    fn poses(&self, number: i64, missing: Missing) -> Result<Option<Arc<Vec<Pose>>>> {
+    fn poses(
+        &self,
+        number: i64,
+        missing: Missing,
+        remarks: &mut Vec<Remark>,
+    ) -> Result<Option<Arc<Vec<Pose>>>> {
         let Some(sequence) = self.sequence() else { return Ok(Some(self.first.clone())) };
-        let Some(frame) = sequence.shown_or_missing(number, missing)? else { return Ok(None) };
-        if frame.number == sequence.frames[0].number {
-            return Ok(Some(self.first.clone()));
-        }
         let count = self.first.len();
-        self.recent.get(frame.number, || read_poses(&frame.path, count)).map(Some)
+        let read = |frame: &Frame| match frame.number == sequence.frames[0].number {
+            true => Ok(self.first.clone()),
+            false => self.recent.get(frame.number, || read_poses(&frame.path, count)),
+        };
+        let shown = sequence.read_shown(number, missing, remarks, read)?;
+        Ok(shown.map(|(_, poses)| poses))
     }
 
     /// For each solid, where it is at a time; `None` if there is no such frame. Between frames bodies move along
@@ -140,11 +147,16 @@ impl Bodies {
     ///
     /// # Errors
     /// [`Error::MissingFrame`] for a missing frame that must not be; as [`read_poses`].
-    pub(super) fn at(&self, at: FrameTime, missing: Missing) -> Result<Option<Vec<Placement>>> {
-        let Some(earlier) = self.poses(at.frame, missing)? else { return Ok(None) };
+    pub(super) fn at(
+        &self,
+        at: FrameTime,
+        missing: Missing,
+        remarks: &mut Vec<Remark>,
+    ) -> Result<Option<Vec<Placement>>> {
+        let Some(earlier) = self.poses(at.frame, missing, remarks)? else { return Ok(None) };
         let later = match at.fraction {
             0.0 => None,
-            _ => self.poses(at.next, missing)?,
+            _ => self.poses(at.next, missing, remarks)?,
         };
         let later = later.as_ref().unwrap_or(&earlier);
         let pose = |&number: &usize| {

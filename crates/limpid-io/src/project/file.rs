@@ -78,7 +78,7 @@ struct LiquidFile {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FluidFile {
-    source: String,
+    source: PathBuf,
     frame: Option<i64>,
     radius: Option<f32>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -280,8 +280,8 @@ impl Project {
             if p.scale.is_some_and(|scale| !is_scale(scale)) {
                 return Err(fail(format!("{table} scale must be 1e-12 to 1e12")));
             }
-            if !p.source.is_empty() {
-                p.source = folder.join(&p.source).to_string_lossy().into_owned();
+            if !p.source.as_os_str().is_empty() {
+                p.source = folder.join(&p.source);
             }
         }
         let given = &solid_files.given().environments;
@@ -414,7 +414,7 @@ impl Project {
         for particles in project.source.files_mut() {
             particles.source = relative_to(folder, &particles.source);
         }
-        let relative = |path: &Path| PathBuf::from(relative_to(folder, &path.to_string_lossy()));
+        let relative = |path: &Path| relative_to(folder, path);
         project.solid_files.map_paths(relative);
         project.motion.map_paths(relative);
         let map = path.with_extension("environment.exr");
@@ -580,12 +580,11 @@ fn in_file(error: Error, fail: &dyn Fn(String) -> Error) -> Error {
 
 /// Converts a path relative to the working directory to one relative to `folder`, or to an absolute path
 /// if it is outside.
-fn relative_to(folder: &Path, source: &str) -> String {
+fn relative_to(folder: &Path, source: &Path) -> PathBuf {
     let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let here = if folder == Path::new("") { PathBuf::from(".") } else { folder.to_owned() };
-    let source = absolute(Path::new(source));
-    let relative = source.strip_prefix(absolute(&here)).unwrap_or(&source);
-    relative.to_string_lossy().into_owned()
+    let source = absolute(source);
+    source.strip_prefix(absolute(&here)).unwrap_or(&source).to_owned()
 }
 
 /// The absorption in a file, given directly or as the colour of white light after a metre.

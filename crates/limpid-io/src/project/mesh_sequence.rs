@@ -10,6 +10,7 @@ use crate::budget::Budget;
 use crate::error::Result;
 use crate::files;
 use crate::meshes;
+use crate::particles::Remark;
 use crate::pattern::placeholder;
 use crate::sequence::{Frame, FrameTime, Missing, Sequence};
 use limpid::mesh::{Mesh, MeshData, Texture};
@@ -55,7 +56,7 @@ impl MeshSequence {
         texture: Option<Arc<Texture>>,
         budget: &Budget,
     ) -> Result<(Self, Arc<Mesh>, Vec<String>)> {
-        let sequence = Sequence::open(&source.file.to_string_lossy())?;
+        let sequence = Sequence::open(&source.file)?;
         let (recent, used) = (Recent::default(), Mutex::default());
         let all = Self { source, sequence, texture, recent, used };
         let mut remarks = Vec::new();
@@ -99,19 +100,28 @@ impl MeshSequence {
     ///
     /// # Errors
     /// [`crate::Error::MissingFrame`] for a missing frame that must not be; as [`meshes::load`].
-    pub(super) fn at(&self, at: FrameTime, missing: Missing) -> Result<Option<Arc<Mesh>>> {
-        let frame = |number| self.sequence.shown_or_missing(number, missing);
-        let Some(shown) = frame(at.frame)? else { return Ok(None) };
+    pub(super) fn at(
+        &self,
+        at: FrameTime,
+        missing: Missing,
+        remarks: &mut Vec<Remark>,
+    ) -> Result<Option<Arc<Mesh>>> {
         let is_frame = at.fraction == 0.0;
-        if let Some(mesh) = self.used(shown.number, None).filter(|_| is_frame) {
+        let shown = self.sequence.shown_or_missing(at.frame, missing)?;
+        let used = shown.and_then(|shown| self.used(shown.number, None));
+        if let Some(mesh) = used.filter(|_| is_frame) {
             return Ok(Some(mesh));
         }
-        let read = |frame| self.read(frame, &mut Vec::new(), &Budget::of_meshes());
-        let earlier = read(shown)?;
+        let mut read = |number| {
+            let read = |frame: &Frame| self.read(frame, &mut Vec::new(), &Budget::of_meshes());
+            let shown = self.sequence.read_shown(number, missing, remarks, read);
+            shown.map(|shown| shown.map(|(_, mesh)| mesh))
+        };
+        let Some(earlier) = read(at.frame)? else { return Ok(None) };
         if is_frame {
             return Ok(Some(earlier.mesh.clone()));
         }
-        let later = frame(at.next)?.map(read).transpose()?;
+        let later = read(at.next)?;
         let later = later.filter(|later| later.number != earlier.number);
         match later.filter(|later| have_same_triangles(&earlier.data, &later.data)) {
             None => Ok(Some(earlier.mesh.clone())),

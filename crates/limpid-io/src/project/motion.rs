@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::bodies::Bodies;
 use super::mesh_sequence::MeshSequence;
 use crate::error::Result;
+use crate::particles::Remark;
 use crate::sequence::{FrameTime, Missing, Sequence};
 use limpid::camera::is_position;
 use limpid::scene::{Scene, Shape, Solid};
@@ -154,7 +155,13 @@ impl Motion {
     }
 
     /// The shape at a time, from that at rest; `None` if it has no mesh then.
-    fn at(&self, at: FrameTime, rest: &Shape, missing: Missing) -> Result<Option<Shape>> {
+    fn at(
+        &self,
+        at: FrameTime,
+        rest: &Shape,
+        missing: Missing,
+        remarks: &mut Vec<Remark>,
+    ) -> Result<Option<Shape>> {
         let time = at.time();
         let places = self.keys.iter().filter_map(|key| Some((key.frame, key.translate?)));
         let place = sample(places, time, |a, b, t| a.lerp(b, t));
@@ -173,7 +180,7 @@ impl Motion {
                 placement.translate = place.unwrap_or(placement.translate);
                 placement.rotate = turn.unwrap_or(placement.rotate);
                 if let Some(meshes) = &self.meshes {
-                    let Some(now) = meshes.at(at, missing)? else { return Ok(None) };
+                    let Some(now) = meshes.at(at, missing, remarks)? else { return Ok(None) };
                     *mesh = now;
                 }
             }
@@ -262,14 +269,14 @@ impl SolidMotion {
         let mut moved = Moved::default();
         for (index, motion) in &self.own {
             let Some(solid) = solids.get(*index) else { continue };
-            let shape = motion.at(at, &solid.shape, missing)?;
+            let shape = motion.at(at, &solid.shape, missing, &mut moved.remarks)?;
             if let (Some(_), Some(Shape::Mesh { mesh, .. })) = (&motion.meshes, &shape) {
                 moved.bytes += mesh.bytes();
             }
             moved.shapes.push((*index, shape));
         }
         if let Some((first, bodies)) = &self.bodies {
-            let placements = bodies.at(at, missing)?;
+            let placements = bodies.at(at, missing, &mut moved.remarks)?;
             for i in 0..bodies.len() {
                 let shape = match (solids.get(first + i).map(|solid| &solid.shape), &placements) {
                     (Some(Shape::Mesh { mesh, .. }), Some(placements)) => {
@@ -291,6 +298,8 @@ pub struct Moved {
     shapes: Vec<(usize, Option<Shape>)>,
     /// Memory of meshes that belong to this time alone, bytes.
     bytes: u64,
+    /// Files that could not be read, and are replaced.
+    remarks: Vec<Remark>,
 }
 
 impl Moved {
@@ -315,6 +324,11 @@ impl Moved {
             Cow::Borrowed(_) => Cow::Borrowed(scene),
             Cow::Owned(solids) => Cow::Owned(Scene { solids, ..scene.clone() }),
         }
+    }
+
+    /// Remarks on the files that could not be read, and are replaced.
+    pub fn remarks(&self) -> &[Remark] {
+        &self.remarks
     }
 
     /// Memory of meshes that belong to this time alone, bytes.

@@ -287,6 +287,13 @@ fn meshes_of_frames_are_interpolated() {
     let opened = open(&folder, "[[solid]]\nshape = \"mesh\"\nfile = \"hull_{}.obj\"\n");
     let error = opened.0.load(time(3.0), &opened.1.scene).expect_err("damage").to_string();
     assert_contains(&error, &["hull_03.obj"]);
+    // A damaged mesh is held as a missing one, and told.
+    let (mut input, project) = opened;
+    input.missing = Missing::Hold;
+    let held = input.moved(time(3.0), &project.scene).expect("solids");
+    assert_eq!(mesh(&held.solids(&project.scene.solids)[0]).triangles().len(), 2);
+    let [remark] = held.remarks() else { panic!("{:?}", held.remarks()) };
+    assert_contains(&remark.to_string(), &["hull_03.obj", "frame 2 is shown in its place"]);
     let error = self::error(&folder, "[[solid]]\nshape = \"mesh\"\nfile = \"hul_{}.obj\"\n");
     assert_contains(&error, &["hul_{}.obj", "no file of this name"]);
 }
@@ -439,7 +446,7 @@ fn motion_follows_its_solid() {
     let text = format!("{ball}{}{ground}{}{ball}{ball}{}", key(1.0), key(2.0), key(3.0));
     let heights = |floor: Option<Floor>| {
         let request = Request {
-            input: Some(write(&folder, &text)),
+            input: Some(write(&folder, &text).into()),
             adjustments: Adjustments { floor, ..Adjustments::default() },
             ..Request::default()
         };

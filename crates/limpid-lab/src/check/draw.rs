@@ -158,9 +158,9 @@ fn existing_frames(numbers: &[i64]) -> String {
 }
 
 /// Bakes a scene into a new folder, so that frames of an older simulation are never used.
-fn baked(scene_file: &str, bake: Bake) -> Result<(Input, Baked)> {
-    let mut project = Project::load(Path::new(scene_file))?;
-    let simulation = project.simulation_mut(scene_file)?;
+fn baked(scene_file: &Path, bake: Bake) -> Result<(Input, Baked)> {
+    let mut project = Project::load(scene_file)?;
+    let simulation = project.simulation_mut(&scene_file.display().to_string())?;
     simulation.radius = bake.radius.unwrap_or(simulation.radius);
     // The first frame is the initial state.
     simulation.frames = 1 + (bake.seconds * simulation.fps).round() as u32;
@@ -176,6 +176,6 @@ fn baked(scene_file: &str, bake: Bake) -> Result<(Input, Baked)> {
     let folder = bake::folder(&origin);
     let solids = &project.scene.solids;
     bake::bake(&simulation, solids, "baked", &folder, |_| ControlFlow::Continue(()))?;
-    let input = Input::from_project(project, &origin.to_string_lossy())?;
+    let input = Input::from_project(project, &origin)?;
     Ok((input, baked))
 }

@@ -33,7 +33,7 @@ pub struct Entry {
     /// The name, unique in the suite: letters, digits, `-`, `_` and `.`.
     pub name: String,
     /// A scene, a recipe, a particle file, a pattern or a folder.
-    pub input: String,
+    pub input: PathBuf,
     /// A scene to render the input's particles in.
     pub scene: Option<PathBuf>,
     /// Width and height, pixels.
@@ -266,9 +266,8 @@ impl Suite {
         let mut files = Files::default();
         files.reads(&self.path);
         for entry in &self.entries {
-            let scene = entry.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
-            for input in [Some(entry.input.clone()), scene].into_iter().flatten() {
-                input::files_of(&input).iter().for_each(|path| files.reads(path));
+            for input in [Some(&entry.input), entry.scene.as_ref()].into_iter().flatten() {
+                input::files_of(input).iter().for_each(|path| files.reads(path));
             }
         }
         files
@@ -382,7 +381,7 @@ impl EntryFile {
                 Some(pattern) => expectation(defaults.folder, Path::new(&pattern), "png")?,
                 None => defaults.expected.join(&name).join("####.png"),
             };
-            let expected = OutputNames::parse(&expected.to_string_lossy(), 2);
+            let expected = OutputNames::parse(&expected, 2);
             Content::Sequence { frames, expected: expected.map_err(text)? }
         } else {
             not_for(&[("frames", frames.is_some())], "[[sequence]]")?;
@@ -410,7 +409,7 @@ impl EntryFile {
         };
         Ok(Entry {
             name,
-            input: defaults.folder.join(self.input).to_string_lossy().into_owned(),
+            input: defaults.folder.join(self.input),
             scene: self.scene.map(|scene| defaults.folder.join(scene)),
             size,
             camera: self.camera,

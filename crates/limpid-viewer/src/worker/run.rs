@@ -22,7 +22,6 @@ use limpid_io::bake;
 use limpid_io::error::{Error, Result};
 use limpid_io::files::given::{self, ReadAt};
 use limpid_io::frame_cache::FrameCache;
-use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Input, Loaded};
 use limpid_io::particles::bgeo;
 use limpid_io::project::Project;
@@ -269,8 +268,8 @@ impl Worker {
             return;
         }
         // Frames that are named need no list of files.
-        let frames = plain.frames.as_ref().map(FrameSpec::frames);
-        let names = frames.and_then(|frames| Sequence::names(&plain.input, frames));
+        let frames = plain.frames.as_ref().and_then(|frames| frames.frames().ok());
+        let names = frames.and_then(|frames| Sequence::names(&plain.input, frames.into_iter()));
         if let (Some(names), Some(folder)) =
             (names.filter(|names| !names.is_empty()), Path::new(&plain.input).parent())
         {
