@@ -21,7 +21,7 @@ pub(crate) struct Args {
 struct SettingInfo {
     /// As `--set` takes it.
     name: String,
-    default: toml::Value,
+    default: String,
     /// The values that it can have, with their unit.
     range: String,
     help: &'static str,
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
             passes.flat_map(|(pass, _)| CONTROLS.iter().filter(|control| control.pass == *pass));
         let info = of_passes.map(|control| SettingInfo {
             name: control.path(),
-            default: control.get(&settings),
+            default: control.get(&settings).to_string(),
             range: range(control, &settings),
             help: control.help,
         });

@@ -15,6 +15,7 @@ use super::budget::Budget;
 use super::plan::Plan;
 use crate::calibration_cache::CalibrationCache;
 use crate::pipeline_cache::{self, PipelineCache};
+use crate::terminal;
 
 /// The settings that were picked.
 #[derive(Debug, Serialize)]
@@ -74,13 +75,11 @@ pub(super) fn pick(args: &Args, plan: &mut Plan) -> Result<Option<Pick>> {
     let (set, error_px, flip, cost) =
         (choice.set.clone(), choice.error_px, choice.flip, costs[index]);
     let ms = budget.as_ref().map(|(budget, _)| budget.first_ms());
-    if !args.quiet {
-        let first = ms.map_or(String::new(), |ms| format!(", {ms:.3} ms for the first frame"));
-        crate::terminal::warn(format!(
-            "picked {}: {error_px} px, FLIP {flip}, {cost:.2} of the defaults' time{first}; {origin}",
-            set.join(" ")
-        ));
-    }
+    let first = ms.map_or(String::new(), |ms| format!(", {ms:.3} ms for the first frame"));
+    terminal::remark(format!(
+        "picked {}: {error_px} px, FLIP {flip}, {cost:.2} of the defaults' time{first}; {origin}",
+        set.join(" ")
+    ));
     let picked = Picked { set, error_px, flip, cost, ms };
     Ok(Some(Pick { picked, opened: (gpu, pipelines), budget }))
 }
@@ -93,14 +92,12 @@ fn costs(args: &Args, gpu: &Gpu, curve: &Curve, list: List) -> Result<(Vec<f64>,
         return Ok((costs, "calibrated before (--calibrate measures anew)".into()));
     }
     let (choices, size, begun) = (curve.choices(list), args.size, Instant::now());
-    if !args.quiet {
-        crate::terminal::warn(format!(
-            "measuring {} choices of settings at {}x{}, once for this adapter and size",
-            choices.len(),
-            size.x,
-            size.y
-        ));
-    }
+    terminal::remark(format!(
+        "measuring {} choices of settings at {}x{}, once for this adapter and size",
+        choices.len(),
+        size.x,
+        size.y
+    ));
     let costs = calibration::measure(gpu, list, choices, size)?;
     if let Some(cache) = &mut cache {
         cache.keep(list, &costs);
