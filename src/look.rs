@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::environment::{Environment, Glow};
-use crate::liquid::{Particles, Up};
+use crate::liquid::{Bulk, Particles, Up};
 use crate::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
 use crate::settings::Curve;
 
@@ -104,13 +104,17 @@ impl Body {
 
     /// The body of some particles with this radius; `None` without particles.
     pub fn new(particles: &Particles, radius: f32) -> Option<Self> {
-        let bulk = particles.bulk()?;
+        Some(Self::of_bulk(particles, &particles.bulk()?, radius))
+    }
+
+    /// As [`Body::new`], of particles whose bulk is known.
+    pub fn of_bulk(particles: &Particles, bulk: &Bulk, radius: f32) -> Self {
         let step = particles.len().div_ceil(Self::SAMPLES);
         let places = (0..particles.len()).step_by(step).map(|i| particles.place(i));
         let points: Vec<_> = places.filter(|&x| bulk.holds(x)).collect();
         let count = particles.len() - bulk.outside;
         let volume = count as f64 * (2.0 * f64::from(radius)).powi(3);
-        Some(Self { bounds: bulk.bounds, radius, volume, points, ..Self::empty() })
+        Self { bounds: bulk.bounds, radius, volume, points, ..Self::empty() }
     }
 
     /// A body of unknown shape that fills a box.

@@ -141,7 +141,7 @@ impl Bulk {
     }
 }
 
-fn holds((min, max): (DVec3, DVec3), place: DVec3) -> bool {
+pub(super) fn holds((min, max): (DVec3, DVec3), place: DVec3) -> bool {
     min.cmple(place).all() && place.cmple(max).all()
 }
 

@@ -5,7 +5,7 @@ use std::fmt;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::bulk::{Bulk, bounds, bulk};
+use super::bulk::{Bulk, bounds, bulk, holds};
 use super::ellipsoid::Ellipsoid;
 
 /// One frame of particles as a structure of arrays: every attribute that is present has one entry
@@ -97,8 +97,16 @@ impl Particles {
 
     /// Bounding box of the bulk of the particles: [`bulk()`](super::bulk::bulk).
     pub fn bulk(&self) -> Option<Bulk> {
+        self.bulk_beside(None)
+    }
+
+    /// As [`Particles::bulk`], where particles in a box, m, are known to be at rest, as other frames show.
+    pub fn bulk_beside(&self, parked: Option<(DVec3, DVec3)>) -> Option<Bulk> {
         let velocities = self.velocities.as_deref();
-        let is_at_rest = |i: usize| velocities.is_some_and(|all| all[i] == Vec3::ZERO);
+        let is_at_rest = |i: usize| {
+            velocities.is_some_and(|all| all[i] == Vec3::ZERO)
+                || parked.is_some_and(|parked| holds(parked, self.place(i)))
+        };
         bulk(self.len(), |i| self.place(i), is_at_rest)
     }
 

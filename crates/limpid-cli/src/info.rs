@@ -116,7 +116,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
             radius => Some(radius?),
         };
         let (min, max) = particles.bounds().unwrap_or_default();
-        let bulk = particles.bulk().unwrap_or_default();
+        let bulk = input.bulk(&particles);
         info.described.push(FrameInfo {
             frame: frame.number,
             path: frame.path.display().to_string(),

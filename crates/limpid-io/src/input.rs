@@ -347,6 +347,7 @@ impl Input {
                 up_from: UpFrom::Scene,
                 guess_up: false,
                 scale: 1.0,
+                parked: None,
                 options: ReadOptions::default(),
                 source: FluidSource::Recipe(recipe),
             };
@@ -562,11 +563,11 @@ impl Input {
         if let [fluid] = self.fluids.as_slice()
             && let Some(particles) = fluid.unchanged()
         {
-            let bulk = particles.bulk().unwrap_or_default();
+            let bulk = self.bulk(&particles);
             return self.finish_prepare(at, &particles, bulk, scene).await;
         }
         let Contents { mut particles, arrays, cells, mut remarks, .. } = self.contents(at)?;
-        let bulk = particles.bulk().unwrap_or_default();
+        let bulk = self.bulk(&particles);
         // Attributes that classification does not read would take as much memory as its tables.
         (particles.ids, particles.densities) = (None, None);
         particles.velocities.take_if(|_| !self.with_velocities);
@@ -587,7 +588,7 @@ impl Input {
         particles: &Particles,
         scene: &Scene,
     ) -> Result<Loaded> {
-        let bulk = particles.bulk().unwrap_or_default();
+        let bulk = self.bulk(particles);
         pollster::block_on(self.finish_prepare(at, particles, bulk, scene))
     }
 
@@ -673,6 +674,13 @@ impl Input {
     pub fn is_turned(&self) -> bool {
         let (up, from) = self.up();
         up == Up::Z && !matches!(from, UpFrom::Option | UpFrom::Scene)
+    }
+
+    /// The bulk of a frame's particles, all 0 without any. Particles that wait from the first frame to the last, as
+    /// [`Input::resolve`] has seen, are known to be at rest.
+    pub fn bulk(&self, particles: &Particles) -> Bulk {
+        let parked = self.fluids.iter().find_map(|fluid| fluid.parked);
+        particles.bulk_beside(parked).unwrap_or_default()
     }
 
     /// Median radius of a frame's particles, m: the file's, the given one, or an estimate from the

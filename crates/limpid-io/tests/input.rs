@@ -313,13 +313,41 @@ fn parked_particles_are_named_and_left_out() {
     }
 }
 
+/// In a sequence without velocities what is at the same places in the first frame and the last waits, though it is heavier
+/// and near enough to be another body; two bodies that both move are shown.
+#[test]
+fn frames_tell_what_waits() {
+    let whole = block(&mut Random(9));
+    let twice = whole.iter().flat_map(|&x| [x, x + Vec3::Z]);
+    let beside: Vec<_> = twice.map(|x| x + Vec3::new(0.0, 20.0, 3.0)).collect();
+    let open = |still: bool| {
+        let folder = tempfile::tempdir().unwrap();
+        for frame in 0..5 {
+            let moved = 0.01 * frame as f32 * Vec3::X;
+            let by = if still { Vec3::ZERO } else { moved };
+            let places = beside.iter().map(|&x| x + by).chain(whole.iter().map(|&x| x + moved));
+            let particles = Particles::from_positions(places.collect());
+            let path = folder.path().join(format!("w_{frame}.npy"));
+            limpid_io::particles::write(&particles, &path).unwrap();
+        }
+        let input = Input::open(folder.path().join("w_{}.npy").to_str().unwrap()).unwrap();
+        let (input, project) = input.with_radius(0.025).unwrap().resolve().unwrap();
+        let loaded = input.load(FrameTime::at(2), &project.scene).unwrap();
+        (input.body().unwrap().bounds, loaded.bulk.outside)
+    };
+    let (bounds, outside) = open(true);
+    assert!(bounds.1.y < 1.1 && outside == beside.len(), "{bounds:?}, {outside} outside");
+    let (bounds, outside) = open(false);
+    assert!(bounds.1.y > 20.0 && outside == 0, "{bounds:?}, {outside} outside");
+}
+
 /// What waits at rest while the rest moves is left out by the lights too, though it is as dense as liquid, heavier and near
 /// enough to be another body.
 #[test]
 fn lights_see_what_moves() {
     let whole = block(&mut Random(8));
-    let waiting: Vec<_> =
-        whole.iter().chain(&whole).map(|&x| x + Vec3::new(20.0, 0.0, 0.0)).collect();
+    let twice = whole.iter().flat_map(|&x| [x, x + Vec3::Z]);
+    let waiting: Vec<_> = twice.map(|x| x + Vec3::new(20.0, 0.0, 0.0)).collect();
     let lit = |still: &[Vec3]| {
         let mut particles = Particles::from_positions([still, &whole].concat());
         let velocity = |i: usize| if i < still.len() { Vec3::ZERO } else { Vec3::X };

@@ -3,10 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use crate::error::{Error, Result};
 use crate::particles::Section;
 use crate::particles::{AttributeMap, Contents, ReadOptions};
 use crate::sequence::{Frame, FrameTime, Missing, Sequence};
+use limpid::liquid::bulk::{bounds, bulk};
 use limpid::liquid::classify;
 use limpid::liquid::{Particles, Up, likely_up};
 use limpid::look::Body;
@@ -28,6 +31,8 @@ pub(super) struct Fluid {
     pub(super) guess_up: bool,
     /// Length of the file's unit, m.
     pub(super) scale: f64,
+    /// The box, m, y up, of what waits from the first frame to the last and is not of the bulk.
+    pub(super) parked: Option<(DVec3, DVec3)>,
     pub(super) options: ReadOptions,
     pub(super) source: FluidSource,
 }
@@ -85,6 +90,7 @@ impl Fluid {
             up_from: up.map_or(UpFrom::Default, |_| UpFrom::Scene),
             guess_up: false,
             scale: 1.0,
+            parked: None,
             options,
             source: FluidSource::Files,
         }
@@ -217,7 +223,7 @@ impl Fluid {
             guessed.map(|up| (up, UpFrom::Guess))
         };
         let numbers: Vec<i64> = self.sequence.frames.iter().map(|frame| frame.number).collect();
-        let mut body: Option<Body> = None;
+        let mut shown: Option<(Arc<Particles>, f32)> = None;
         let mut first = numbers.len();
         // Damaged frames are errors, or replaced, once they are drawn.
         let mut damage = None;
@@ -244,33 +250,44 @@ impl Fluid {
             }
             let radius = classify::median_radius(&particles, resolved)?;
             up = up.or(told).or_else(|| flat_up(&particles)).or_else(|| guess(&particles, radius));
-            body = Body::new(&particles, radius);
+            shown = Some((particles, radius));
             first = i;
             break;
         }
         if let Some(error) = damage.filter(|_| first == numbers.len()) {
             return Err(error);
         }
+        let Some((shown, radius)) = shown else { return Ok(None) };
         let last = numbers.len().saturating_sub(1);
-        let others = [first + (last.saturating_sub(first)) / 2, last];
+        let others = [last, first + (last.saturating_sub(first)) / 2];
+        let mut body: Option<Body> = None;
         for (k, &i) in others.iter().enumerate() {
             if !all || i <= first || others[..k].contains(&i) {
                 continue;
             }
             let Ok((particles, _)) = self.particles(numbers[i]) else { continue };
-            let radius = body.as_ref().map_or(0.0, |body| body.radius);
+            if i == last {
+                self.parked = parked(&shown, &particles);
+            }
             up = up.or_else(|| guess(&particles, radius));
-            body = match (body, Body::new(&particles, radius)) {
-                (Some(a), Some(b)) => Some(a.with(b)),
-                (a, b) => a.or(b),
-            };
+            body = joined(body, self.body(&particles, radius));
         }
+        let mut body = joined(self.body(&shown, radius), body);
         if let (UpFrom::Default, Some((up, from))) = (self.up_from, up) {
             // What was read had the axis y; from here on files are turned as they are read.
             (self.up, self.up_from) = (up, from);
             body = body.map(|body| body.to_y_up(up));
+            self.parked = self
+                .parked
+                .and_then(|(min, max)| bounds([up.to_y_up(min), up.to_y_up(max)].into_iter()));
         }
         Ok(body)
+    }
+
+    /// The body of a frame's particles; `None` without any.
+    fn body(&self, particles: &Particles, radius: f32) -> Option<Body> {
+        let bulk = particles.bulk_beside(self.parked)?;
+        Some(Body::of_bulk(particles, &bulk, radius))
     }
 
     /// The radius for all frames: as [`Fluid::radius_of`], or, for a single file, that of its sequence.
@@ -349,4 +366,24 @@ fn flat_up(particles: &Particles) -> Option<(Up, UpFrom)> {
         _ => return None,
     };
     Some((up, UpFrom::Flat))
+}
+
+/// The body of two frames.
+fn joined(a: Option<Body>, b: Option<Body>) -> Option<Body> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.with(b)),
+        (a, b) => a.or(b),
+    }
+}
+
+/// The box of the particles that are at the same places in two frames, and not of the bulk of what moves between them.
+/// With velocities these tell.
+fn parked(first: &Particles, last: &Particles) -> Option<(DVec3, DVec3)> {
+    if first.len() != last.len() || first.velocities.is_some() {
+        return None;
+    }
+    let is_still = |i: usize| first.place(i) == last.place(i);
+    let bulk = bulk(first.len(), |i| first.place(i), is_still)?;
+    let lost = (0..first.len()).filter(|&i| is_still(i) && !bulk.holds(first.place(i)));
+    bounds(lost.map(|i| first.place(i)))
 }
