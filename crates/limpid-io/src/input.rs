@@ -19,7 +19,7 @@ use crate::particles::{Array, AttributeMap, Contents, ReadOptions, Remark};
 use crate::project::{
     Automatic, LiquidSource, Moved, ParticleSource, Project, SolidMotion, is_scale,
 };
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::{Frame, Sequence, is_absent};
 use crate::shared_classifier::{Processor, SharedClassifier};
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::{self, Splat, Splats};
@@ -444,8 +444,7 @@ impl Input {
             for (number, frame) in frames {
                 let files = std::iter::once(&frame.path).chain(&frame.parts);
                 let files = files.flat_map(|path| files::with_pieces(path));
-                absent
-                    .extend(files.filter(|path| files::is_absent(path)).map(|path| (number, path)));
+                absent.extend(files.filter(|path| is_absent(path)).map(|path| (number, path)));
             }
             if let Some((number, path)) = absent.first() {
                 let more = match absent.len() - 1 {

@@ -596,7 +596,7 @@ impl Sequence {
 }
 
 /// Whether there is no file of this name. A server is not asked for each file of a list.
-fn is_absent(path: &Path) -> bool {
+pub(crate) fn is_absent(path: &Path) -> bool {
     let not_found = |error: &std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
     !cfg!(target_arch = "wasm32") && files::metadata(path).is_err_and(|error| not_found(&error))
 }

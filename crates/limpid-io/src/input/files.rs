@@ -74,8 +74,3 @@ pub(super) fn with_pieces(path: &Path) -> Vec<PathBuf> {
     }
     all
 }
-
-/// Whether there is no such file.
-pub(super) fn is_absent(path: &Path) -> bool {
-    files::metadata(path).is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
-}

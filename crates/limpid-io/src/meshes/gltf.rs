@@ -491,7 +491,6 @@ impl TextureTransform {
     }
 }
 
-/// The transform of a node in its parent.
 /// The transform of a node in its parent, or the problem of it.
 fn local(node: &Node) -> Result<DAffine3, &'static str> {
     if let Some(matrix) = &node.matrix {
