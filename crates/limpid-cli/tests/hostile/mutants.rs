@@ -69,7 +69,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Read> {
 
 /// Reads all frames of a file that is there.
 fn open(path: &Path) -> Result<Read> {
-    let input = Input::open(&path.to_string_lossy())?;
+    let input = Input::open(path)?;
     let mut read = Read { frames: Vec::new(), said: false };
     for frame in &input.sequence.frames {
         let contents = frame.read(&ReadOptions::default())?;
