@@ -72,9 +72,17 @@ impl Particles {
 
     /// Creates particles without other attributes from world positions. The origin is 0, or the centre
     /// of the [bulk](super::bulk::bulk) if that is farther from 0 than 16 times its longest side, where 32-bit
-    /// floats would lose precision.
+    /// floats would lose precision. Positions that are not finite do not count for it.
     pub fn from_places(places: &[DVec3]) -> Self {
-        let origin = origin_for(places.len(), |i| places[i]);
+        let finite: Vec<DVec3>;
+        let placed = match places.iter().all(|place| place.is_finite()) {
+            true => places,
+            false => {
+                finite = places.iter().copied().filter(|place| place.is_finite()).collect();
+                &finite
+            }
+        };
+        let origin = origin_for(placed.len(), |i| placed[i]);
         let positions = places.iter().map(|&place| (place - origin).as_vec3()).collect();
         Self { origin, positions, ..Self::default() }
     }
@@ -138,6 +146,32 @@ impl Particles {
         for radius in self.radii.iter_mut().flatten() {
             *radius *= narrow;
         }
+    }
+
+    /// Keeps the particles whose numbers satisfy `keep`, in their order, and the origin.
+    pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        fn filter<T>(values: &mut Vec<T>, keep: &impl Fn(usize) -> bool) {
+            let mut i = 0..;
+            values.retain(|_| i.next().is_some_and(keep));
+        }
+        let Self {
+            origin: _,
+            positions,
+            velocities,
+            densities,
+            radii,
+            ids,
+            fluids,
+            ellipsoids,
+            is_hull: _,
+        } = self;
+        filter(positions, &keep);
+        velocities.iter_mut().for_each(|values| filter(values, &keep));
+        densities.iter_mut().for_each(|values| filter(values, &keep));
+        radii.iter_mut().for_each(|values| filter(values, &keep));
+        ids.iter_mut().for_each(|values| filter(values, &keep));
+        fluids.iter_mut().for_each(|values| filter(values, &keep));
+        ellipsoids.iter_mut().for_each(|values| filter(values, &keep));
     }
 
     /// World position of particle `i`, m, rounded to 32-bit floats. Unlike the sum it preserves −0.

@@ -216,14 +216,16 @@ fn describe_motion(motion: &SolidMotion, at: FrameTime, missing: Missing) -> Str
 
 /// Describes the origin of particles.
 fn describe(origin: &Origin<'_>) -> String {
-    let Origin { file, parts, section, memory, made, radius, up, scale, map } = origin;
+    let Origin { file, parts, section, memory, made, radius, up, scale, map, select } = origin;
     // A .pos file has its ellipsoids in a separate file.
     let ellipsoids = file.filter(|path| path.extension().is_some_and(|e| e == "pos"));
     let ellipsoids = ellipsoids.map(|path| path.with_extension("ani"));
     let files = [file.as_deref(), ellipsoids.as_deref()].map(|path| Some(stamp(path?)));
     let parts: Vec<_> = parts.iter().map(|path| stamp(path)).collect();
     let memory = memory.map(|bytes| Fingerprint::over([bytes]));
-    format!("{files:?} {parts:?} {section:?} {memory:?} {made:?} {radius:?} {up:?} {scale:?} {map}")
+    format!(
+        "{files:?} {parts:?} {section:?} {memory:?} {made:?} {radius:?} {up:?} {scale:?} {map} {select}"
+    )
 }
 
 /// Canonical path, length and modification time, ns, of a file that may not exist yet.
@@ -238,6 +240,32 @@ fn stamp(path: &Path) -> (PathBuf, u64, u128) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use limpid_io::particles::ReadOptions;
+
+    /// A picture of other particles of a file, or of other arrays, is another one.
+    #[test]
+    fn what_is_read_of_a_file_is_part() {
+        let described = |select: &str, map: &str| {
+            let options = ReadOptions {
+                select: select.parse().unwrap(),
+                map: map.parse().unwrap(),
+                ..ReadOptions::default()
+            };
+            let input = Input::from_memory(Path::new("a.csv"), "a.csv", b"x,y,z,a,b\n".to_vec());
+            let input = input.with_options(&options);
+            input.origins(FrameTime::at(0)).iter().map(describe).collect::<Vec<_>>()
+        };
+        let different = [
+            described("all", "radius=a"),
+            described("a==1", "radius=a"),
+            described("a==2", "radius=a"),
+            described("a==1", "radius=b"),
+            described("a==1", "radius=a/2"),
+        ];
+        for (k, one) in different.iter().enumerate() {
+            assert!(!different[..k].contains(one), "{one:?}");
+        }
+    }
 
     /// `--skip-existing -o PIPE` does not wait for ever: a pipe is not opened to find that it is not a
     /// complete picture.

@@ -2,7 +2,7 @@
 use limpid_io::Error;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::Input;
-use limpid_io::particles::{Array, Attribute, Contents, attribute_names};
+use limpid_io::particles::{Array, Attribute, Contents, ReadOptions, attribute_names};
 use serde::Serialize;
 
 use crate::remedy::of_remark;
@@ -69,13 +69,16 @@ struct ArrayInfo {
     shape: Vec<usize>,
     /// The attribute that the array is read as; `None` if it is ignored.
     used_as: Option<&'static str>,
+    /// Its values, if it is ignored and they are few integers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    values: Vec<i64>,
     /// Name and shape, as text.
     #[serde(skip)]
     label: String,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
-    let options = args.reading.options();
+    let options = ReadOptions { values: true, ..args.reading.options() };
     let (input, named) = args.inputs.resolve()?;
     let input = match input {
         Some(path) if standard::is_dash(&path) => standard::input(&options)?,
@@ -112,7 +115,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         let Contents { particles, arrays, remarks, .. } = input.contents(frame)?;
         // A file without a radius is described all the same.
         let radius = match input.radius(frame, &particles) {
-            Err(Error::Scene { .. }) => None,
+            Err(Error::UnknownRadius { .. }) => None,
             radius => Some(radius?),
         };
         let (min, max) = particles.bounds().unwrap_or_default();
@@ -149,8 +152,8 @@ impl ArrayInfo {
 
 fn array_info(array: Array) -> ArrayInfo {
     let label = array.to_string();
-    let Array { name, shape, used_as } = array;
-    ArrayInfo { name, shape, used_as: used_as.map(Attribute::name), label }
+    let Array { name, shape, used_as, values } = array;
+    ArrayInfo { name, shape, used_as: used_as.map(Attribute::name), values, label }
 }
 
 /// Rounds a value that fits a 32-bit float to the shortest digits of that float.
@@ -159,6 +162,25 @@ fn shortest(x: f64) -> f64 {
     let x = x + 0.0;
     let single = x as f32;
     if f64::from(single) == x { single.to_string().parse().unwrap_or(x) } else { x }
+}
+
+/// A list under a title, in lines of at most 100 columns where no item is longer.
+fn listed(title: &str, items: &[String]) -> Vec<String> {
+    const COLUMNS: usize = 100;
+    let mut lines: Vec<String> = Vec::new();
+    for (k, item) in items.iter().enumerate() {
+        let comma = if k + 1 < items.len() { "," } else { "" };
+        match lines.last_mut() {
+            None => lines.push(format!("  {title}: {item}{comma}")),
+            Some(line)
+                if line.chars().count() + 1 + item.chars().count() + comma.len() > COLUMNS =>
+            {
+                lines.push(format!("    {item}{comma}"));
+            }
+            Some(line) => *line += &format!(" {item}{comma}"),
+        }
+    }
+    lines
 }
 
 fn describe(info: &Info) -> String {
@@ -195,9 +217,11 @@ fn describe(info: &Info) -> String {
         for (used, title) in [(true, "used"), (false, "ignored")] {
             let arrays = frame.arrays.iter().filter(|array| array.used_as.is_some() == used);
             let descriptions: Vec<String> = arrays.map(ArrayInfo::description).collect();
-            if !descriptions.is_empty() {
-                lines.push(format!("  {title}: {}", descriptions.join(", ")));
-            }
+            lines.extend(listed(title, &descriptions));
+        }
+        for array in frame.arrays.iter().filter(|array| array.values.len() > 1) {
+            let values: Vec<String> = array.values.iter().map(i64::to_string).collect();
+            lines.push(format!("  {}: {}", array.label, values.join(", ")));
         }
         lines.extend(frame.remarks.iter().map(|remark| format!("  {remark}")));
         lines.push(format!("  {}", extent(frame.min, frame.max)));

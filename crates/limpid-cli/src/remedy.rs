@@ -49,6 +49,7 @@ fn of_file(error: &Error) -> Option<String> {
         Error::TooLarge { what: Unpacked::Meshes, .. } => "make its pictures smaller".into(),
         Error::TooLarge { what: Unpacked::Instances, .. } => "export fewer instances".into(),
         Error::TooLarge { .. } => "--max-unpacked MIB allows more".into(),
+        Error::Unplaced { .. } => "--skip-invalid leaves them out".into(),
         Error::MissingFrame { .. } | Error::MissingFrames { .. } => {
             "to continue: --missing empty or hold".into()
         }
@@ -79,8 +80,8 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
         Notice::Read(remark) => return of_remark(remark),
         Notice::Gaps(_, Some(Missing::Error)) => "--missing hold or empty fills the gaps".into(),
         Notice::Rate(_) => "set them with --fps, or fps in the scene's [particles]".into(),
-        Notice::MaybeRadius(array) if array.to_ascii_lowercase().contains("diam") => {
-            "if so, pass half of it as --radius".into()
+        Notice::MaybeRadius(array) if is_diameter(array) => {
+            format!("if it is the diameter: --map 'diameter={array}'")
         }
         Notice::MaybeRadius(array) => format!("if it is the radius: --map radius={array}"),
         Notice::Crowded(_) | Notice::Scattered(_) => {
@@ -101,9 +102,17 @@ pub(crate) fn of_remark(remark: &Remark) -> String {
         Remark::Partial { .. } => Some(
             "to read all files as one, with {r} for their numbers: --merge 'snap_000.{r}.hdf5'",
         ),
+        Remark::OwnRadii => Some("--map radius=none leaves them out"),
+        Remark::LeftOut { .. } => Some("--select all keeps them"),
+        Remark::NoneSelected { .. } => Some("`limpid info` lists the values of its arrays"),
         _ => None,
     };
     joined(&remark.to_string(), remedy)
+}
+
+/// Whether an array has a name of diameters.
+fn is_diameter(array: &str) -> bool {
+    array.eq_ignore_ascii_case("d") || array.to_ascii_lowercase().contains("diam")
 }
 
 fn joined(problem: &str, remedy: Option<&str>) -> String {

@@ -7,7 +7,7 @@ use limpid::liquid::Up;
 use limpid::look::Look;
 use limpid_io::adjustments::{Adjustments, Floor, Sun, Tint};
 use limpid_io::frames::FrameSpec;
-use limpid_io::particles::{AttributeMap, ReadOptions};
+use limpid_io::particles::{AttributeMap, ReadOptions, Selection};
 use limpid_io::sequence::Sequence;
 
 // Options of all commands that read particles; a doc comment here would become their help.
@@ -17,16 +17,32 @@ pub(crate) struct Reading {
     /// 16384].
     #[arg(long, value_name = "MIB", value_parser = parse_mib)]
     max_unpacked: Option<u64>,
-    /// Read attributes (velocity, density, radius, id, ellipsoid) from arrays with unusual names:
-    /// velocity=U,radius=h. `limpid info` lists the arrays.
+    /// Read attributes (position, velocity, density, radius or diameter, id, ellipsoid) from arrays with
+    /// unusual names: velocity=U,radius=h; from one for each number: position=x,y,z; with a factor:
+    /// radius=d/2; or not at all: id=none. `limpid info` lists the arrays.
     #[arg(long, value_name = "ATTRIBUTE=ARRAY,...")]
     map: Option<AttributeMap>,
+    /// Read the particles that satisfy a condition on arrays of one number a particle: type==1, 'mk in 1..3',
+    /// 'type in 1,3 and rhop>=990'; or all, also walls and bodies, which known layouts leave out. `limpid info`
+    /// lists the arrays with their values.
+    #[arg(long, value_name = "CONDITION")]
+    select: Option<Selection>,
+    /// Leave out particles without a finite position even if they are more than half of a file, which
+    /// otherwise counts as damaged.
+    #[arg(long)]
+    skip_invalid: bool,
 }
 
 impl Reading {
     pub(crate) fn options(&self) -> ReadOptions {
         let map = self.map.clone().unwrap_or_default();
-        ReadOptions { max_unpacked: self.max_unpacked, map }
+        ReadOptions {
+            max_unpacked: self.max_unpacked,
+            map,
+            skip_invalid: self.skip_invalid,
+            select: self.select.clone().unwrap_or_default(),
+            values: false,
+        }
     }
 }
 

@@ -190,7 +190,12 @@ fn found(record: &Record, folder: &Path, name: &str, number: u32) -> Result<Foun
         Some(recorded) => recorded == sum,
         None => match particles::read(&path) {
             Ok(particles) => State::from_particles(particles).is_some(),
-            Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => false,
+            Err(
+                Error::Malformed { .. }
+                | Error::Unplaced { .. }
+                | Error::TooLarge { .. }
+                | Error::Format { .. },
+            ) => false,
             Err(error) => return Err(error),
         },
     };

@@ -73,7 +73,7 @@ pub enum Error {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// A file that violates its format: truncated, a wrong count, a NaN position.
+    /// A file that violates its format: truncated, or with a wrong count.
     #[error("{}: {location}: {problem}", path.display())]
     Malformed {
         /// The file.
@@ -82,6 +82,26 @@ pub enum Error {
         location: Location,
         /// What was found and what was expected.
         problem: String,
+    },
+    /// A file of which so many particles have no position that it seems to be damaged.
+    #[error(
+        "{}: {location}: particle {row}: position {position:?}; {unplaced} of {particles} particles have no \
+         finite position below 1e18",
+        path.display()
+    )]
+    Unplaced {
+        /// The file.
+        path: PathBuf,
+        /// The location of the first of these particles.
+        location: Location,
+        /// Its number, from 0.
+        row: usize,
+        /// What is there for its position.
+        position: [f32; 3],
+        /// How many they are.
+        unplaced: usize,
+        /// Number of all particles in the file.
+        particles: usize,
     },
     /// A document of which more would be made than [`ReadOptions::max_unpacked`] or its length allows.
     ///
@@ -267,6 +287,7 @@ impl Error {
             }
             Self::Io { .. }
             | Self::Malformed { .. }
+            | Self::Unplaced { .. }
             | Self::TooLarge { .. }
             | Self::Sequence { .. }
             | Self::MissingFrame { .. }

@@ -281,12 +281,13 @@ impl Input {
                 }
                 fluid.scale = particles.scale.unwrap_or(1.0);
                 fluid.options.map.clone_from(&particles.map);
+                fluid.options.select.clone_from(&particles.select);
             }
         }
         Self { processor: project.processor, project: Some(project), ..self }
     }
 
-    /// Sets the particle radius for files without one, m.
+    /// Sets the particle radius for files without one, m. It wins over radii in the attribute map.
     ///
     /// # Errors
     /// [`Error::Usage`] unless the cube of the radius fits a 32-bit float.
@@ -314,13 +315,18 @@ impl Input {
         Self { processor, ..self }
     }
 
-    /// Sets the options for reading the files. An attribute map replaces the scene's, unless it is
-    /// empty.
+    /// Sets the options for reading the files. An attribute map and a selection replace the scene's, unless
+    /// they are the default.
     #[must_use]
     pub fn with_options(mut self, options: &ReadOptions) -> Self {
         for fluid in &mut self.fluids {
-            let map = if options.map.is_empty() { &fluid.options.map } else { &options.map };
-            fluid.options = ReadOptions { map: map.clone(), ..*options };
+            let own = std::mem::replace(&mut fluid.options, options.clone());
+            if options.map.is_empty() {
+                fluid.options.map = own.map;
+            }
+            if options.select.is_automatic() {
+                fluid.options.select = own.select;
+            }
         }
         self
     }
@@ -371,9 +377,10 @@ impl Input {
             .iter()
             .map(|particles| {
                 let sequence = Sequence::open(&particles.source)?;
-                let ParticleSource { radius, up, scale, map, .. } = particles;
-                let scale = scale.unwrap_or(1.0);
-                Ok(Fluid { scale, ..Fluid::of_files(sequence, *radius, *up, map.clone()) })
+                let ParticleSource { radius, up, scale, map, select, .. } = particles;
+                let mut fluid = Fluid::of_files(sequence, *radius, *up, map.clone());
+                fluid.options.select.clone_from(select);
+                Ok(Fluid { scale: scale.unwrap_or(1.0), ..fluid })
             })
             .collect::<Result<_>>()?;
         let Some(first) = fluids.first() else {
@@ -531,7 +538,8 @@ impl Input {
         }
         let count: usize = fluids.iter().map(Particles::len).sum();
         memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
-        Ok(Contents { particles: Particles::mixed(&fluids), ..all })
+        all.particles = Particles::mixed(&fluids);
+        Ok(all)
     }
 
     /// Origins of the particles at a frame time: for each fluid the frame and, between frames, the next.
@@ -711,7 +719,8 @@ impl Input {
                     up: Some(fluid.up),
                     fps: self.fps,
                     scale: Some(fluid.scale).filter(|&scale| scale != 1.0),
-                    map: fluid.options.map.clone(),
+                    map: fluid.map(),
+                    select: fluid.options.select.clone(),
                 });
                 match files.collect::<Vec<_>>() {
                     mut files if files.len() == 1 => LiquidSource::File(files.remove(0)),

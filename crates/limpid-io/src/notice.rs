@@ -224,8 +224,11 @@ pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
         notices.push(Notice::Lost { count: loaded.bulk.outside, place });
     }
     if loaded.radius_from == RadiusFrom::Guess {
-        const RADII: [&str; 7] = ["r", "h", "diameter", "diam", "size", "psize", "rad"];
-        let named = |name: &str| RADII.iter().any(|radius| name.eq_ignore_ascii_case(radius));
+        const RADII: [&str; 6] = ["r", "h", "d", "size", "psize", "rad"];
+        let named = |name: &str| {
+            RADII.iter().any(|radius| name.eq_ignore_ascii_case(radius))
+                || name.to_ascii_lowercase().contains("diam")
+        };
         let mut ignored = loaded.arrays.iter().filter(|array| array.used_as.is_none());
         let radius = ignored.find(|array| named(&array.name));
         notices.extend(radius.map(|array| Notice::MaybeRadius(array.name.clone())));

@@ -5,6 +5,7 @@
 //! remaining bytes before anything is allocated.
 
 mod arrays;
+mod attribute_map;
 mod axes;
 pub mod bgeo;
 mod bi4;
@@ -26,9 +27,11 @@ mod pos;
 mod prt;
 mod remark;
 mod scf;
+mod selection;
 pub(crate) mod table;
 pub(crate) mod trajectory;
 mod uni;
+mod usable;
 mod values;
 mod vtk;
 mod vtu;
@@ -57,14 +60,18 @@ use crate::{files, output};
 use self::by_content::Found;
 pub(crate) use self::by_content::{is_particles, particles_in};
 
-pub use arrays::{Array, AttributeMap, Contents};
+pub use arrays::{Array, Contents};
+pub use attribute_map::AttributeMap;
 pub use remark::{Remark, Unit};
+pub use selection::{Condition, Selection};
 pub use trajectory::Section;
 
-/// An attribute of particles besides their positions.
+/// An attribute of particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Attribute {
+    /// [`Particles::positions`].
+    Position,
     /// [`Particles::velocities`].
     Velocity,
     /// [`Particles::densities`].
@@ -78,11 +85,13 @@ pub enum Attribute {
 }
 
 impl Attribute {
-    const ALL: [Self; 5] = [Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Ellipsoid];
+    const ALL: [Self; 6] =
+        [Self::Position, Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Ellipsoid];
 
     /// The name that limpid writes.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Position => "position",
             Self::Velocity => "velocity",
             Self::Density => "density",
             Self::Radius => "radius",
@@ -91,7 +100,7 @@ impl Attribute {
         }
     }
 
-    /// The attribute for which simulators use this name, in any case.
+    /// The attribute, other than positions, for which simulators use this name, in any case.
     fn from_alias(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "velocity" | "velocities" | "vel" | "v" => Self::Velocity,
@@ -103,10 +112,16 @@ impl Attribute {
         })
     }
 
+    /// Whether it can be read from an array with this number of numbers per particle. Velocities of two are those
+    /// of simulations in two dimensions.
+    fn takes(self, width: usize) -> bool {
+        width == self.width() || (self, width) == (Self::Velocity, 2)
+    }
+
     /// Number of numbers per particle.
     fn width(self) -> usize {
         match self {
-            Self::Velocity => 3,
+            Self::Position | Self::Velocity => 3,
             Self::Density | Self::Radius | Self::Id => 1,
             Self::Ellipsoid => 6,
         }
@@ -115,7 +130,7 @@ impl Attribute {
     /// Memory of the attribute per particle, bytes.
     fn bytes(self) -> u64 {
         let bytes = match self {
-            Self::Velocity => size_of::<Vec3>(),
+            Self::Position | Self::Velocity => size_of::<Vec3>(),
             Self::Density | Self::Radius => size_of::<f32>(),
             Self::Id => size_of::<i64>(),
             Self::Ellipsoid => size_of::<Ellipsoid>(),
@@ -136,7 +151,7 @@ impl fmt::Display for Attribute {
 }
 
 /// Options for reading particle files.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
     /// Limit of what is made of a frame, bytes, since a small compressed file can claim any amount of memory: of a
     /// file, or of all files that it lists or that hold the ranks of a frame, together. By default 100 times
@@ -144,6 +159,13 @@ pub struct ReadOptions {
     pub max_unpacked: Option<u64>,
     /// The arrays of attributes with other than the usual names.
     pub map: AttributeMap,
+    /// Leave out particles without a finite position however many they are. By default a file of which
+    /// they are more than half is taken to be damaged.
+    pub skip_invalid: bool,
+    /// Which particles are read.
+    pub select: Selection,
+    /// Find the values of integer arrays that have few: [`Array::values`].
+    pub values: bool,
 }
 
 /// [`ReadOptions`], resolved for a file.
@@ -153,11 +175,31 @@ struct Reading<'a> {
     /// The memory of the document that the file is, or belongs to.
     budget: &'a Budget,
     map: &'a AttributeMap,
+    skip_invalid: bool,
+    select: &'a Selection,
+    values: bool,
 }
 
 impl<'a> Reading<'a> {
     fn new(options: &'a ReadOptions, budget: &'a Budget) -> Self {
-        Self { options, budget, map: &options.map }
+        let ReadOptions { max_unpacked: _, map, skip_invalid, select, values } = options;
+        Self { options, budget, map, skip_invalid: *skip_invalid, select, values: *values }
+    }
+
+    /// Whether the numbers of an array are kept until the file is read, beside what attribute it may be.
+    fn keeps(&self, array: &str) -> bool {
+        self.map.has_column(array) || self.select.needs(array)
+    }
+
+    /// Whether an array is read.
+    fn wants(&self, array: &str) -> bool {
+        self.map.attribute_of(array).is_some() || self.keeps(array)
+    }
+
+    /// Memory that reading an array takes, bytes a particle.
+    fn bytes_of(&self, array: &str) -> u64 {
+        let kept = if self.keeps(array) { size_of::<f64>() as u64 } else { 0 };
+        self.map.attribute_of(array).map_or(0, Attribute::bytes) + kept
     }
 }
 
@@ -199,8 +241,9 @@ impl<'a> Reading<'a> {
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it has another format, and
-/// [`Error::Malformed`] if it violates its format or contains a value that is not finite.
+/// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it has another format,
+/// [`Error::Malformed`] if it violates its format, and [`Error::Unplaced`] if more than half of its
+/// particles have no finite position; fewer are left out.
 pub fn read(path: &Path) -> Result<Particles> {
     Contents::read(path, &ReadOptions::default()).map(|contents| contents.particles)
 }
@@ -259,7 +302,7 @@ pub fn attribute_names(particles: &Particles) -> impl Iterator<Item = &'static s
 }
 
 impl Contents {
-    /// As [`read()`], with the list of all arrays.
+    /// As [`read()`], with the list of all arrays, and remarks on what could not be used.
     ///
     /// # Errors
     ///
@@ -279,9 +322,12 @@ impl Contents {
             return Err(budget.exceeded(path, Location::Byte(0)));
         }
         let raw = match format.extension {
-            ".xyz" if !gzip && options.map.is_empty() => xyz::read_raw(path, budget.left()),
+            ".xyz" if !gzip && options.map.is_empty() && options.select.is_automatic() => {
+                xyz::read_raw(path, budget.left())
+            }
             _ => None,
         };
+        let reading = Reading::new(options, budget);
         let mut contents = if let Some(particles) = raw {
             particles.into()
         } else {
@@ -290,15 +336,14 @@ impl Contents {
             }
             let mut bytes = BUFFER.take();
             let read = files::contents(path, &file, &metadata, budget.left(), &mut bytes);
-            let reading = Reading::new(options, budget);
-            let parsed = read.and_then(|()| format.parse_packed(path, &bytes, &reading, gzip));
+            let parsed = read.and_then(|()| format.read_packed(path, &bytes, &reading, gzip));
             if bytes.capacity() <= MAX_BUFFER {
                 BUFFER.set(bytes);
             }
             parsed?
         };
         if format.extension == foam::EXTENSION {
-            foam::read_beside(path, &mut contents, budget.left())?;
+            foam::read_beside(path, &mut contents, &reading)?;
         }
         if format.extension == ".pos" {
             pos::read_ellipsoids(path, &mut contents, budget.left())?;
@@ -306,7 +351,7 @@ impl Contents {
         // Formats that are not packed have taken nothing yet.
         let missing = contents.bytes().saturating_sub(budget.used() - used);
         budget.take(missing, path, Location::Byte(0))?;
-        Ok(contents)
+        contents.finished(path, &reading)
     }
 
     /// Memory of the particles, bytes.
@@ -324,7 +369,8 @@ impl Contents {
     pub fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Self> {
         let budget = Budget::of_length(options.max_unpacked, bytes.len() as u64);
         let Found { format, gzip } = by_content::of_bytes(path, bytes)?;
-        format.parse_packed(path, bytes, &Reading::new(options, &budget), gzip)
+        let reading = Reading::new(options, &budget);
+        format.read_packed(path, bytes, &reading, gzip)?.finished(path, &reading)
     }
 }
 
@@ -416,8 +462,8 @@ const FORMATS: [Format; 28] = {
 };
 
 impl Format {
-    /// Parses a file, which may be compressed by gzip.
-    fn parse_packed(
+    /// Reads a file, which may be compressed by gzip, with what cannot be used of it.
+    fn read_packed(
         &self,
         path: &Path,
         bytes: &[u8],
@@ -425,19 +471,13 @@ impl Format {
         gzip: bool,
     ) -> Result<Contents> {
         if !gzip {
-            return self.parse(path, bytes, reading);
+            return (self.read)(path, bytes, reading);
         }
-        self.parse(path, &bgeo::unpack(path, bytes, reading.budget)?, reading)
+        (self.read)(path, &bgeo::unpack(path, bytes, reading.budget)?, reading)
     }
 
-    /// Parses a file, and checks that the arrays of the attribute map exist.
     fn parse(&self, path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
-        let mut contents = (self.read)(path, bytes, reading)?;
-        contents.note_up();
-        match contents.unread(reading.map) {
-            Some(problem) => Err(Error::format(path, problem)),
-            None => Ok(contents),
-        }
+        (self.read)(path, bytes, reading)?.finished(path, reading)
     }
 
     /// Fails if the start or the length of a large file shows that it has another format, without

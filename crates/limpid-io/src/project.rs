@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera_axes::CameraAxes;
 use crate::error::{Error, Result};
-use crate::particles::AttributeMap;
+use crate::particles::{AttributeMap, Selection};
 use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
@@ -211,6 +211,9 @@ pub struct ParticleSource {
     /// The arrays of attributes with other than the usual names.
     #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
     pub map: AttributeMap,
+    /// Which of its particles are read.
+    #[serde(default, skip_serializing_if = "Selection::is_automatic")]
+    pub select: Selection,
 }
 
 fn is_empty(path: &Path) -> bool {

@@ -21,6 +21,7 @@ use limpid_io::camera_path::{CameraPath, Key};
 use limpid_io::input::{FrameTime, Input, Loaded, Missing, UpFrom};
 use limpid_io::notice;
 use limpid_io::open::{Opened, Request};
+use limpid_io::particles::ReadOptions;
 use limpid_io::project::Project;
 use support::Random;
 use tempfile::TempDir;
@@ -36,6 +37,48 @@ fn frames(contents: &[&str]) -> TempDir {
 
 fn open(folder: &TempDir) -> Input {
     Input::open(folder.path().join("w_{}.xyz").to_str().unwrap()).unwrap()
+}
+
+/// Several fluids may come from one file: each is what its condition selects, and has its own radius.
+#[test]
+fn fluids_of_one_file_are_selected() {
+    let folder = tempfile::tempdir().unwrap();
+    let row = |i: u8, spacing: f64, of: u8| format!("{},0,0,{of},0\n", f64::from(i) * spacing);
+    let rows: Vec<String> =
+        (0..9).map(|i| row(i, 0.1, 1)).chain((0..5).map(|i| row(i, 0.4, 2))).collect();
+    let text = format!("x,y,z,phase,Type\n{}", rows.concat());
+    std::fs::write(folder.path().join("a.csv"), text).unwrap();
+    let fluid = |select: &str| {
+        format!("[[fluid]]\nsource = \"a.csv\"\nabsorption = [1, 0, 0]\nselect = \"{select}\"\n")
+    };
+    let scene = folder.path().join("a.toml");
+    std::fs::write(&scene, fluid("phase==1") + &fluid("PHASE in 2,3")).unwrap();
+    let input = Input::open(scene.to_str().unwrap()).unwrap();
+    let (input, project) = input.resolve().unwrap();
+    let particles = input.particles(FrameTime::at(0)).unwrap();
+    assert_eq!(particles.fluids, Some([vec![0; 9], vec![1; 5]].concat()));
+    let radii = particles.radii.unwrap();
+    assert!(radii[13] > 2.0 * radii[0], "{radii:?}");
+    // What is written is read back.
+    let project = Project { source: input.source(), ..project };
+    let text = project.to_commented_toml(None).unwrap();
+    let read = Project::parse(&text, "b.toml", Path::new("")).unwrap();
+    assert_eq!(read.source, project.source);
+    assert_eq!(read.source.files()[1].select.to_string(), "PHASE in 2,3");
+
+    std::fs::write(&scene, fluid("phase")).unwrap();
+    let error = Input::open(scene.to_str().unwrap()).unwrap_err().to_string();
+    assert!(error.contains("line 4") && error.contains("select `phase`: "), "{error}");
+    // What a command selects replaces what the scene does.
+    std::fs::write(&scene, "[particles]\nsource = \"a.csv\"\nselect = \"phase==1\"\n").unwrap();
+    let input = Input::open(scene.to_str().unwrap()).unwrap();
+    let count = |input: &Input| input.particles(FrameTime::at(0)).unwrap().len();
+    assert_eq!(count(&input), 9);
+    let options =
+        |select: &str| ReadOptions { select: select.parse().unwrap(), ..ReadOptions::default() };
+    assert_eq!(count(&input.clone().with_options(&ReadOptions::default())), 9);
+    assert_eq!(count(&input.clone().with_options(&options("phase==2"))), 5);
+    assert_eq!(count(&input.with_options(&options("all"))), 14);
 }
 
 /// Position in the picture of a point relative to the eye: −1 to 1 from edge to edge.

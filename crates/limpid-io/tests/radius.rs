@@ -10,7 +10,8 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use limpid::liquid::Particles;
 use limpid::liquid::classify::estimate_radius;
-use limpid_io::input::{Input, RadiusFrom};
+use limpid_io::input::{FrameTime, Input, RadiusFrom};
+use limpid_io::particles::{ReadOptions, Remark};
 use limpid_io::project::Project;
 use support::Random;
 
@@ -203,6 +204,17 @@ fn the_source_of_a_radius_is_reported() {
     assert_eq!(from(open(&bare)), (RadiusFrom::Guess, 0.5));
     assert_eq!(from(open(&bare).with_radius(0.2).unwrap()), (RadiusFrom::Option, 0.2));
     assert_eq!(from(open(&sized).with_radius(0.2).unwrap()), (RadiusFrom::File, 0.3));
+    // A given radius wins over one that the attribute map names, not over the file's own; both are said.
+    let map = "radius=pscale/2".parse().unwrap();
+    let options = ReadOptions { map, ..ReadOptions::default() };
+    let mapped = || open(&sized).with_options(&options);
+    assert_eq!(from(mapped()), (RadiusFrom::File, 0.15));
+    assert_eq!(from(mapped().with_radius(0.2).unwrap()), (RadiusFrom::Option, 0.2));
+    let remarks = |input: Input| input.contents(FrameTime::at(0)).unwrap().remarks;
+    let given = Remark::RadiusGiven { array: "pscale*0.5".into() };
+    assert_eq!(remarks(mapped().with_radius(0.2).unwrap()), [given]);
+    assert_eq!(remarks(open(&sized).with_radius(0.2).unwrap()), [Remark::OwnRadii]);
+    assert_eq!(remarks(open(&sized)), []);
     let text = "[particles]\nsource = \"bare.bgeo\"\nradius = 0.4\n";
     std::fs::write(folder.path().join("scene.toml"), text).unwrap();
     assert_eq!(from(open(&folder.path().join("scene.toml"))), (RadiusFrom::Scene, 0.4));

@@ -43,6 +43,7 @@ pub(crate) fn raise(error: Error) -> PyErr {
         },
         Error::Sequence { .. } => PyFileNotFoundError::new_err(text),
         Error::Malformed { .. }
+        | Error::Unplaced { .. }
         | Error::TooLarge { .. }
         | Error::Format { .. }
         | Error::MissingFrame { .. }

@@ -19,7 +19,7 @@ use limpid_io::open::{Opened, Request};
 use limpid_io::output::{FileKind, Files};
 #[cfg(any(test, target_arch = "wasm32"))]
 use limpid_io::particles::readable_stem;
-use limpid_io::particles::{AttributeMap, ReadOptions};
+use limpid_io::particles::{AttributeMap, ReadOptions, Selection};
 use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
 
@@ -193,6 +193,7 @@ impl Document {
                 fps: Some(simulation.fps),
                 scale: None,
                 map: AttributeMap::default(),
+                select: Selection::default(),
             });
         }
         let unnamed = match &project.source {
@@ -200,7 +201,7 @@ impl Document {
             LiquidSource::File(file) if self.source.scene.is_some() => Some(file.clone()),
             _ => None,
         };
-        if let Some(ParticleSource { radius, up, fps, scale, map, .. }) = unnamed {
+        if let Some(ParticleSource { radius, up, fps, scale, map, select, .. }) = unnamed {
             project.source = LiquidSource::File(ParticleSource {
                 source: self.source.input.clone().into(),
                 frame: None,
@@ -209,6 +210,7 @@ impl Document {
                 fps,
                 scale,
                 map,
+                select,
             });
         }
         let adjusted = &self.source.adjustments;
@@ -220,6 +222,9 @@ impl Document {
             particles.fps = adjusted.fps.or(particles.fps);
             if !self.source.options.map.is_empty() {
                 particles.map.clone_from(&self.source.options.map);
+            }
+            if !self.source.options.select.is_automatic() {
+                particles.select.clone_from(&self.source.options.select);
             }
         }
         project

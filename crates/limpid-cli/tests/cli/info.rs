@@ -104,6 +104,52 @@ fn info_lists_arrays() {
     assert_contains(&succeed(folder.path(), &["info", "a.toml"]), &["h (2) as radius"]);
 }
 
+/// What can be selected is shown, and what the program leaves out by itself is said.
+#[test]
+fn info_shows_what_can_be_selected() {
+    let folder = folder();
+    let rows: String =
+        (0..40).map(|i| format!("{i},{},0.1,0,{i}\n", [0, 3, 3, 3][i % 4])).collect();
+    let text = format!("Idp,Type,x,y,z\n{rows}");
+    std::fs::write(folder.path().join("walls.csv"), text).unwrap();
+    let info = |args: &[&str]| succeed(folder.path(), &[&["info", "walls.csv"], args].concat());
+    let parts = [
+        "  30 particles",
+        "  Type (40): 0, 3",
+        "  10 particles of walls and bodies are left out (Type 0); --select all keeps them",
+    ];
+    assert_contains(&info(&[]), &parts);
+    assert_contains(&info(&["--select", "all"]), &["  40 particles"]);
+    assert_contains(&info(&["--select", "type==0"]), &["  10 particles"]);
+    let line = super::fail(folder.path(), 3, &["info", "walls.csv", "--select", "mk==1"]);
+    assert_contains(&line, &["walls.csv: select mk==1: no array `mk`", "Type (40)"]);
+    let line = super::fail(folder.path(), 2, &["info", "walls.csv", "--select", "type"]);
+    assert_contains(&line, &["--select", "expected ARRAY==NUMBER"]);
+    let json: Value = serde_json::from_str(&info(&["--json"])).unwrap();
+    let arrays = json["described"][0]["arrays"].as_array().unwrap();
+    assert!(arrays.iter().any(|array| array["values"] == serde_json::json!([0, 3])), "{json}");
+}
+
+/// A file is described whatever it lacks, and a list of a hundred arrays in lines that a terminal shows.
+#[test]
+fn info_describes_any_file() {
+    let folder = folder();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("one.csv", "x,y,z,vx,vy,vz\n0,0,0,1,0,0\n");
+    write("places.csv", "x,y,z\n1,2,3\n1,2,3\n");
+    for name in ["one.csv", "places.csv"] {
+        let text = succeed(folder.path(), &["info", name]);
+        assert_contains(&text, &["particles", "no radii, and no spacing to estimate one from"]);
+    }
+    let names: Vec<String> = (0..100).map(|i| format!("attribute_{i}")).collect();
+    let numbers = ",0.5".repeat(100);
+    write("many.csv", &format!("x,y,z,{}\n0,0,0{numbers}\n1,0,0{numbers}\n", names.join(",")));
+    let text = succeed(folder.path(), &["info", "many.csv"]);
+    assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
+    let listed: String = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_contains(&listed, &["ignored: attribute_0 (2), attribute_1 (2)", "attribute_99 (2)"]);
+}
+
 /// A stray particle is counted separately: both the bounds of all particles and those of the bulk, which
 /// a camera shows, are reported.
 #[test]

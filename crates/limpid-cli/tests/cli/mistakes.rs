@@ -77,6 +77,9 @@ fn make_files(folder: &Path) {
     write("one.csv", "x,y,z\n0.1,0.2,0.3\n");
     write("nothing.csv", "");
     write("nan.csv", "x,y,z\n0,0,0\n0.1,nan,0\n0.2,0,0\n");
+    write("diverged.csv", "x,y,z\n0,0,0\n0.1,nan,0\n0.2,0,inf\n");
+    write("ids.csv", "x,y,z,id\n0,0,0,0.3\n0.1,0,0,0.6\n");
+    write("sized.csv", "x,y,z,radius\n0,0,0,0.05\n0.1,0,0,0.05\n");
     write("paraview.bgeo", "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\">\n");
     write("frames.zip", "PK\x03\x04");
     let set = |time: usize, file: &str| format!("<DataSet timestep=\"{time}\" file=\"{file}\"/>");

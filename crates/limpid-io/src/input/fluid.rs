@@ -1,13 +1,15 @@
 //! The particles of one fluid: their frames, their files and their radius.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::particles::Section;
-use crate::particles::{AttributeMap, Contents, ReadOptions};
+use crate::particles::{
+    Attribute, AttributeMap, Contents, ReadOptions, Remark, Section, Selection,
+};
 use crate::sequence::{Frame, FrameTime, Missing, Sequence};
 use limpid::liquid::bulk::{bounds, bulk};
 use limpid::liquid::classify;
@@ -71,6 +73,8 @@ pub struct Origin<'a> {
     pub scale: f64,
     /// The arrays from which attributes are read.
     pub map: &'a AttributeMap,
+    /// Which of its particles are read.
+    pub select: &'a Selection,
 }
 
 impl Fluid {
@@ -140,8 +144,8 @@ impl Fluid {
         let next = next.particles;
         let count = contents.particles.len() + next.len();
         memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
-        let particles = Particles::between(&contents.particles, &next, at.fraction);
-        Ok(Contents { particles, ..contents })
+        contents.particles = Particles::between(&contents.particles, &next, at.fraction);
+        Ok(contents)
     }
 
     /// The contents of a frame, y up, and the number of the frame that is shown, if one is.
@@ -152,9 +156,10 @@ impl Fluid {
     ) -> Result<(Option<i64>, Contents)> {
         // They are those of whatever frame solids are shown at.
         let number = if let FluidSource::Given(_) = self.source { 0 } else { number };
+        let (options, overruled) = self.reading();
         let read = |frame: &Frame| match &self.source {
-            FluidSource::Files => frame.read(&self.options),
-            FluidSource::Memory(bytes) => Contents::parse(&frame.path, bytes, &self.options),
+            FluidSource::Files => frame.read(&options),
+            FluidSource::Memory(bytes) => Contents::parse(&frame.path, bytes, &options),
             FluidSource::Given(particles) => {
                 classify::probe_memory(particles.len(), &self.sequence.pattern)?;
                 Ok(Particles::clone(particles).into())
@@ -171,8 +176,29 @@ impl Fluid {
         if !matches!(self.source, FluidSource::Recipe(_)) {
             contents.particles.to_y_up(self.up);
             contents.particles.scale(self.scale);
+            if let Some(array) = overruled {
+                contents.remarks.push(Remark::RadiusGiven { array });
+            } else if self.radius_from == RadiusFrom::Option && contents.particles.radii.is_some() {
+                contents.remarks.push(Remark::OwnRadii);
+            }
         }
         Ok((shown, contents))
+    }
+
+    /// The options for reading its files, and the arrays of radii in its attribute map, if the user has given
+    /// a radius, which wins over these.
+    fn reading(&self) -> (Cow<'_, ReadOptions>, Option<String>) {
+        let mut options = Cow::Borrowed(&self.options);
+        let mut overruled = None;
+        if self.radius_from == RadiusFrom::Option && options.map.has(Attribute::Radius) {
+            overruled = options.to_mut().map.leave_out(Attribute::Radius);
+        }
+        (options, overruled)
+    }
+
+    /// The arrays that attributes are read from, for a scene with its radius.
+    pub(super) fn map(&self) -> AttributeMap {
+        self.reading().0.map.clone()
     }
 
     /// The origin of a frame's particles.
@@ -195,6 +221,7 @@ impl Fluid {
             up: self.up,
             scale: self.scale,
             map: &self.options.map,
+            select: &self.options.select,
         }
     }
 
@@ -302,14 +329,19 @@ impl Fluid {
         };
         let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
         for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
-            let first = match Contents::read(&sibling.path, &self.options) {
+            let first = match Contents::read(&sibling.path, &self.reading().0) {
                 Ok(contents) => {
                     let mut particles = contents.particles;
                     particles.scale(self.scale);
                     particles
                 }
                 // Not a frame of the same simulation.
-                Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => {
+                Err(
+                    Error::Malformed { .. }
+                    | Error::Unplaced { .. }
+                    | Error::TooLarge { .. }
+                    | Error::Format { .. },
+                ) => {
                     break;
                 }
                 Err(error) => return Err(error),

@@ -1,15 +1,19 @@
-//! The arrays of a particle file, and their assignment to attributes.
+//! The contents of a particle file: its particles, and its arrays.
 
-use std::collections::BTreeMap;
 use std::fmt;
-use std::str::FromStr;
+use std::path::Path;
 
+use glam::{BVec3, Vec3};
 use limpid::liquid::Up;
-use serde::{Deserialize, Serialize};
+use limpid::memory;
 
+#[cfg(doc)]
+use super::ReadOptions;
+use super::labelled::canonical;
 use super::remark::Remark;
 use super::table::{Column, Table};
-use super::{Attribute, Particles};
+use super::usable::Unplaced;
+use super::{Attribute, AttributeMap, Particles, Reading};
 use crate::error::{Error, Result, printable};
 
 /// The axis that points up in files of `DualSPHysics`.
@@ -27,6 +31,8 @@ pub struct Array {
     pub shape: Vec<usize>,
     /// The attribute that it is read as; `None` if it is ignored.
     pub used_as: Option<Attribute>,
+    /// Its values, if it is ignored, they are few integers, and [`ReadOptions::values`] asks for them.
+    pub values: Vec<i64>,
 }
 
 impl fmt::Display for Array {
@@ -51,6 +57,13 @@ pub struct Contents {
     pub up: Option<(Up, &'static str)>,
     /// What was left out, or understood in a way that the user should know.
     pub remarks: Vec<Remark>,
+    /// Columns that attributes are made of, or that decide which particles are read: their names in lower case,
+    /// without units, and their numbers.
+    pub(super) columns: Vec<(String, Vec<f64>)>,
+    /// Whether [`Contents::settle`] has decided what of it is used.
+    pub(super) settled: bool,
+    /// The first particle without a position, until it is left out.
+    pub(super) unplaced: Option<Unplaced>,
 }
 
 impl From<Particles> for Contents {
@@ -60,10 +73,56 @@ impl From<Particles> for Contents {
 }
 
 impl Contents {
+    /// What a reader has found, without what cannot be used of it.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if an array of the attribute map is missing; [`Error::Unplaced`].
+    pub(super) fn finished(mut self, path: &Path, reading: &Reading<'_>) -> Result<Self> {
+        self.note_up();
+        for attribute in [Attribute::Position, Attribute::Velocity, Attribute::Ellipsoid] {
+            self.assemble(path, reading.map, attribute)?;
+        }
+        if let Some(problem) = self.unread(reading.map) {
+            return Err(Error::format(path, problem));
+        }
+        self.settle(path, reading)?;
+        Ok(self)
+    }
+
+    /// Reads an attribute from the columns that the map names for it, if they were kept.
+    fn assemble(&mut self, path: &Path, map: &AttributeMap, attribute: Attribute) -> Result<()> {
+        let Some(names) = map.columns_of(attribute) else { return Ok(()) };
+        let column = |name: &String| self.columns.iter().find(|(kept, _)| kept == name);
+        let columns: Option<Vec<_>> = names.iter().map(column).collect();
+        let Some(columns) = columns else { return Ok(()) };
+        let columns: Vec<&[f64]> = columns.into_iter().map(|(_, numbers)| &numbers[..]).collect();
+        let (table, columns) = Table::of_columns(path, &columns)?;
+        let shape = [table.rows, columns.len()];
+        self.take_as(Some(attribute), &names.join(" "), &shape, &table, &columns)
+    }
+
+    /// Keeps the numbers of an array that is one of several from which an attribute is read, or that decides which
+    /// particles are.
+    pub(super) fn keep(
+        &mut self,
+        reading: &Reading<'_>,
+        name: &str,
+        table: &Table<'_>,
+        columns: &[Column],
+    ) -> Result<()> {
+        if let &[column] = columns
+            && reading.keeps(name)
+        {
+            self.check_rows(name, table)?;
+            self.columns.push((canonical(name), table.numbers(column)?));
+        }
+        Ok(())
+    }
+
     /// Reads an array as the attribute of its name, if there is one and the particles lack it.
     pub(super) fn take(
         &mut self,
-        map: &AttributeMap,
+        reading: &Reading<'_>,
         name: &str,
         table: &Table<'_>,
         columns: &[Column],
@@ -72,7 +131,26 @@ impl Contents {
             1 => vec![table.rows],
             size => vec![table.rows, size],
         };
-        self.take_as(map.attribute_of(name), name, &shape, table, columns)
+        self.keep(reading, name, table, columns)?;
+        self.take_as(reading.map.attribute_of(name), name, &shape, table, columns)?;
+        self.find_values(reading, name, table, columns);
+        Ok(())
+    }
+
+    /// Finds the values of the array that was listed last, if they are asked for.
+    pub(super) fn find_values(
+        &mut self,
+        reading: &Reading<'_>,
+        name: &str,
+        table: &Table<'_>,
+        columns: &[Column],
+    ) {
+        let listed = self.arrays.last_mut().filter(|array| array.used_as.is_none());
+        if let &[column] = columns
+            && let Some(array) = listed.filter(|array| reading.values && array.name == name)
+        {
+            array.values = table.few_integers(column);
+        }
     }
 
     /// As [`Contents::take`], for an array with a known attribute or none.
@@ -84,16 +162,39 @@ impl Contents {
         table: &Table<'_>,
         columns: &[Column],
     ) -> Result<()> {
-        let used_as = match attribute {
-            Some(attribute) if self.attach(attribute, name, table, columns)? => Some(attribute),
-            _ => None,
-        };
-        self.list(name, shape, used_as);
+        match attribute {
+            Some(attribute) if self.attach(attribute, name, table, columns)? => {
+                self.list(name, shape, Some(attribute));
+            }
+            _ => self.pass_over(attribute, name, shape),
+        }
         Ok(())
     }
 
+    /// Lists an array that is not read, with a remark if only its width keeps it from being an attribute.
+    pub(super) fn pass_over(&mut self, attribute: Option<Attribute>, name: &str, shape: &[usize]) {
+        self.list(name, shape, None);
+        let lacks = |attribute: &Attribute| {
+            !super::attribute_names(&self.particles).any(|has| has == attribute.name())
+        };
+        let (rows, width) = match *shape {
+            [rows] => (rows, 1),
+            [rows, width] => (rows, width),
+            _ => return,
+        };
+        if rows == self.particles.len()
+            && let Some(attribute) = attribute.filter(lacks)
+            && attribute.width() != width
+        {
+            let array = printable(name.into());
+            let problem = format!("{width} numbers a particle, expected {}", attribute.width());
+            self.remarks.push(Remark::Unusable { array, problem });
+        }
+    }
+
     /// Stores an attribute; returns whether it did. An attribute that the particles have already, one
-    /// with another number of columns, and radii that are all 0 are not stored.
+    /// with another number of columns, and radii that are all 0 are not stored. What numbers it has,
+    /// [`Contents::settle`] judges.
     fn attach(
         &mut self,
         attribute: Attribute,
@@ -102,22 +203,39 @@ impl Contents {
         columns: &[Column],
     ) -> Result<bool> {
         match (attribute, columns) {
+            (Attribute::Position, &[x, y, z]) => {
+                self.check_rows(name, table)?;
+                let Self { particles: Particles { origin, positions, .. }, unplaced, .. } =
+                    table.particles([x, y, z])?;
+                (self.particles.origin, self.particles.positions) = (origin, positions);
+                self.unplaced = unplaced;
+            }
             (Attribute::Velocity, &[x, y, z]) if self.particles.velocities.is_none() => {
                 self.check_rows(name, table)?;
-                self.particles.velocities = Some(table.vectors([x, y, z], "velocity")?);
+                self.particles.velocities = Some(table.vectors([x, y, z])?);
+            }
+            // Of a simulation in two dimensions.
+            (Attribute::Velocity, &[a, b])
+                if self.particles.velocities.is_none() && self.flat_axis().is_some() =>
+            {
+                self.check_rows(name, table)?;
+                let third = self.flat_axis().unwrap_or(2);
+                let velocity = |[a, b]: [f32; 2]| match third {
+                    0 => Vec3::new(0.0, a, b),
+                    1 => Vec3::new(a, 0.0, b),
+                    _ => Vec3::new(a, b, 0.0),
+                };
+                let pairs = table.floats([a, b])?.into_iter().map(velocity);
+                let velocities = memory::collect(pairs, table.source.path.display())?;
+                self.particles.velocities = Some(velocities);
             }
             (Attribute::Density, &[column]) if self.particles.densities.is_none() => {
                 self.check_rows(name, table)?;
-                self.particles.densities =
-                    Some(table.floats([column], "density")?.into_flattened());
+                self.particles.densities = Some(table.floats([column])?.into_flattened());
             }
             (Attribute::Radius, &[column]) if self.particles.radii.is_none() => {
                 self.check_rows(name, table)?;
-                let radii = table.floats([column], "radius")?.into_flattened();
-                if let Some(i) = radii.iter().position(|&r| r < 0.0) {
-                    let problem = format!("particle {i}: radius {}, expected 0 or more", radii[i]);
-                    return Err(table.error(i, column, problem));
-                }
+                let radii = table.floats([column])?.into_flattened();
                 // An array that was never filled in: the radius is unknown.
                 if radii.iter().all(|&r| r == 0.0) {
                     return Ok(false);
@@ -126,18 +244,26 @@ impl Contents {
             }
             (Attribute::Id, &[column]) if self.particles.ids.is_none() => {
                 self.check_rows(name, table)?;
-                self.particles.ids = Some(table.integers(column, "id")?);
+                self.particles.ids = Some(table.integers(column)?);
             }
             (Attribute::Ellipsoid, &[xx, yy, zz, xy, yz, xz])
                 if self.particles.ellipsoids.is_none() =>
             {
                 self.check_rows(name, table)?;
-                let entries = table.floats([xx, yy, zz, xy, yz, xz], "ellipsoid")?;
+                let entries = table.floats([xx, yy, zz, xy, yz, xz])?;
                 self.particles.ellipsoids = Some(bytemuck::allocation::cast_vec(entries));
             }
             _ => return Ok(false),
         }
         Ok(true)
+    }
+
+    /// The axis along which the positions do not differ, if they lie in a plane: z, if it is one of several.
+    fn flat_axis(&self) -> Option<usize> {
+        let mut placed = self.particles.positions.iter().filter(|position| !position.is_nan());
+        let first = placed.next()?;
+        let flat = placed.fold(BVec3::TRUE, |flat, position| flat & position.cmpeq(*first));
+        [2, 1, 0].into_iter().find(|&axis| flat.test(axis))
     }
 
     fn check_rows(&self, name: &str, table: &Table<'_>) -> Result<()> {
@@ -153,13 +279,13 @@ impl Contents {
     pub(super) fn list(&mut self, name: &str, shape: &[usize], used_as: Option<Attribute>) {
         if self.arrays.len() < MOST_LISTED {
             let (name, shape) = (printable(name.into()), shape.to_vec());
-            self.arrays.push(Array { name, shape, used_as });
+            self.arrays.push(Array { name, shape, used_as, values: Vec::new() });
         }
     }
 
     /// Notes the axis that points up in files with arrays of these names. `DualSPHysics`, its tool `PartVTK` and what
     /// `ParaView` exports of them have `Idp`, `Rhop` and `Mk`, and z up whatever their format.
-    pub(super) fn note_up(&mut self) {
+    fn note_up(&mut self) {
         let is_its = |name: &str| {
             // Without a unit, as in `Rhop [kg/m^3]`.
             let bare = name.split([' ', '[']).next().unwrap_or_default();
@@ -170,77 +296,27 @@ impl Contents {
         }
     }
 
+    /// Lists the first arrays for messages.
+    pub(super) fn listed_arrays(&self) -> String {
+        let listed: Vec<String> = self.arrays.iter().take(12).map(Array::to_string).collect();
+        if listed.is_empty() { "none".into() } else { listed.join(", ") }
+    }
+
     /// Describes the problem if an array of the map was not read.
     pub(super) fn unread(&self, map: &AttributeMap) -> Option<String> {
         if self.particles.is_empty() {
             return None;
         }
         let used = |attribute: Attribute| self.arrays.iter().any(|a| a.used_as == Some(attribute));
-        let (attribute, name) = map.0.iter().find(|(attribute, _)| !used(**attribute))?;
-        let numbers = match attribute {
-            Attribute::Velocity => "3 numbers",
-            Attribute::Ellipsoid => "6 numbers",
-            Attribute::Density | Attribute::Radius | Attribute::Id => "one number",
+        let (attribute, name, arrays) = map.wanted().find(|(attribute, ..)| !used(*attribute))?;
+        let numbers = match attribute.width() {
+            width if width > 1 && arrays == 1 => format!("{width} numbers"),
+            _ => "one number".to_owned(),
         };
-        let arrays: Vec<String> = self.arrays.iter().take(12).map(Array::to_string).collect();
-        let arrays = if arrays.is_empty() { "none".into() } else { arrays.join(", ") };
+        let no = if arrays == 1 { "no array" } else { "no arrays" };
+        let listed = self.listed_arrays();
         Some(format!(
-            "{attribute}={name}: no array `{name}` of {numbers} a particle; there are: {arrays}"
+            "{attribute}={name}: {no} `{name}` of {numbers} a particle; there are: {listed}"
         ))
-    }
-}
-
-/// The arrays from which some attributes are read, instead of those with the usual names. Its text is
-/// `velocity=U,radius=h`; case does not matter.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct AttributeMap(BTreeMap<Attribute, String>);
-
-impl AttributeMap {
-    /// Whether it has no entries.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// The attribute that an array of this name is read as.
-    pub(super) fn attribute_of(&self, array: &str) -> Option<Attribute> {
-        let mapped = self.0.iter().find(|(_, name)| name.eq_ignore_ascii_case(array));
-        let usual = || Attribute::from_alias(array).filter(|usual| !self.0.contains_key(usual));
-        mapped.map(|(attribute, _)| *attribute).or_else(usual)
-    }
-
-    /// The array from which an attribute must be read, in lower case.
-    pub(super) fn array_of(&self, attribute: Attribute) -> Option<String> {
-        self.0.get(&attribute).map(|name| name.to_ascii_lowercase())
-    }
-}
-
-impl fmt::Display for AttributeMap {
-    /// Writes the text that parses to the same map.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let pairs: Vec<String> = self.0.iter().map(|(a, name)| format!("{a}={name}")).collect();
-        f.write_str(&pairs.join(","))
-    }
-}
-
-impl FromStr for AttributeMap {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let fail = |problem: &str| Error::Usage(format!("map `{text}`: {problem}"));
-        let mut map = BTreeMap::new();
-        for pair in text.split(',') {
-            let pair = pair.split_once('=').map(|(a, name)| (a.trim(), name.trim()));
-            let (attribute, name) = pair
-                .filter(|(_, name)| !name.is_empty())
-                .ok_or_else(|| fail("expected ATTRIBUTE=ARRAY, as in velocity=U,radius=h"))?;
-            let unknown =
-                || fail(&format!("no attribute `{attribute}`; there are: {}", Attribute::list()));
-            let attribute = Attribute::from_alias(attribute).ok_or_else(unknown)?;
-            if map.insert(attribute, name.to_owned()).is_some() {
-                return Err(fail(&format!("{attribute} is given twice")));
-            }
-        }
-        Ok(Self(map))
     }
 }

@@ -61,6 +61,11 @@ impl Grid {
         !matches!(self.scalar, Scalar::I8 | Scalar::U8)
     }
 
+    /// Whether it has one number for each particle of one step.
+    pub(super) fn is_column(&self) -> bool {
+        matches!(self.sizes.as_slice(), [_] | [_, 1])
+    }
+
     pub(super) fn is_float(&self) -> bool {
         matches!(self.scalar, Scalar::F16 | Scalar::F32 | Scalar::F64)
     }
@@ -95,13 +100,16 @@ impl Grid {
     /// The axes if the array holds an attribute of the particles at these positions; `None` for other shapes. A
     /// number of rows that is wrong remains to be found.
     pub(super) fn attribute(&self, attribute: Attribute, positions: &Places) -> Option<Axes> {
-        let planar = attribute == Attribute::Velocity && positions.width == 2;
-        let of_two = planar.then(|| self.axes_of(2, positions)).flatten();
-        of_two.or_else(|| self.axes_of(attribute.width(), positions))
+        let of_two = || match attribute {
+            Attribute::Velocity => self.axes_of(2, positions),
+            _ => None,
+        };
+        let planar = (positions.width == 2).then(of_two).flatten();
+        planar.or_else(|| self.axes_of(attribute.width(), positions)).or_else(of_two)
     }
 
     /// As [`Grid::attribute`], for `width` numbers a particle.
-    fn axes_of(&self, width: usize, positions: &Places) -> Option<Axes> {
+    pub(super) fn axes_of(&self, width: usize, positions: &Places) -> Option<Axes> {
         let (steps, rows, own) = (positions.steps, positions.rows, positions.axes);
         let only = |particles, numbers| Axes { steps: None, particles, numbers };
         match *self.sizes.as_slice() {

@@ -21,8 +21,8 @@ use flate2::read::MultiGzDecoder;
 use flate2::{Compression, write::GzEncoder};
 
 use super::{
-    Attribute, Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar, Values,
-    foreign, houdini, narrow_id, scf, too_large,
+    Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar, Values, foreign, houdini,
+    narrow_id, scf, too_large,
 };
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
@@ -131,7 +131,6 @@ fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
 
 /// Parses an unpacked file.
 fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
-    let map = reading.map;
     if !bytes.starts_with(b"BgeoV") {
         return Err(foreign(path, bytes, "a BGEO file of version 5"));
     }
@@ -168,7 +167,7 @@ fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
                 return Err(file.error(problem));
             }
         };
-        read = read.saturating_add(map.attribute_of(&name).map_or(0, Attribute::bytes));
+        read = read.saturating_add(reading.bytes_of(&name));
         named_columns.push((name, size, columns));
         stride = stride.saturating_add(4 * size);
     }
@@ -181,12 +180,12 @@ fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
         return Err(file.error(format!("{points} points announced, but {more} more follow")));
     }
     file.source.take(reading.budget, read.saturating_mul(points as u64), file.start)?;
-    let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
+    let mut contents = table.particles(Column::triple(Scalar::F32))?;
     for (name, size, columns) in &named_columns {
         match columns.as_slice() {
             // Strings.
             [] => contents.list(name, &[points, *size], None),
-            columns => contents.take(map, name, &table, columns)?,
+            columns => contents.take(reading, name, &table, columns)?,
         }
     }
     Ok(contents)

@@ -75,22 +75,27 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     let ids = find("Idpd").or_else(|| find("Idp"));
     let ids = ids.filter(|ids| ids.item == positions.item && ids.columns.len() == 1);
     let fluid = ids.and_then(|ids| fluid(ids, bodies, big_endian));
+    let fluid = fluid.filter(|_| reading.select.is_automatic());
     let rows = fluid.as_deref();
     let [x, y, z] = *positions.columns.as_slice() else {
         let problem = "expected positions of three numbers";
         return Err(Error::malformed(path, Location::Byte(positions.start as u64), problem));
     };
     let table = positions.table(path, bytes, big_endian, rows);
-    let mut contents = Contents::from(table.particles([x, y, z])?);
+    let mut contents = table.particles([x, y, z])?;
     if ids.is_none() && bodies > 0.0 {
         let problem = "without ids (Idp), fixed and moving particles cannot be told from the fluid";
         let array = "CaseNfixed".into();
         contents.remarks.push(Remark::Unusable { array, problem: problem.into() });
     }
+    if let Some(rows) = rows {
+        let (count, why) = (positions.count.saturating_sub(rows.len()), "Idp of bodies".into());
+        contents.remarks.push(Remark::LeftOut { count, why });
+    }
     for array in arrays.iter().filter(|array| !std::ptr::eq(*array, positions)) {
         if array.item == positions.item && !array.columns.is_empty() {
             let table = array.table(path, bytes, big_endian, rows);
-            contents.take(reading.map, &array.name, &table, &array.columns)?;
+            contents.take(reading, &array.name, &table, &array.columns)?;
         } else {
             contents.list(&array.name, &[array.count], None);
         }

@@ -13,8 +13,8 @@ use std::path::Path;
 use csv::{ByteRecord, ReaderBuilder, Trim};
 use glam::DVec3;
 
-use super::labelled::{Layout, POSITION, canonical, float, vector_among};
-use super::{Contents, Cursor, Particles, Reading, Values, foreign, known_magic};
+use super::labelled::{Layout, float, position_among};
+use super::{AttributeMap, Contents, Cursor, Particles, Reading, Values, foreign, known_magic};
 use crate::error::Result;
 use limpid::liquid::particles::origin_for;
 use limpid::memory;
@@ -55,13 +55,14 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         true => record.iter().map(label).collect(),
         false => {
             let fields = |comment: &[u8]| fields(comment, delimiter);
-            commented(&comments, fields, record.len()).unwrap_or_else(|| unnamed(record.len()))
+            commented(&comments, fields, record.len(), reading.map)
+                .unwrap_or_else(|| unnamed(record.len()))
         }
     };
     if start.is_none() {
         return Ok(Contents::default());
     }
-    let layout = Layout::among(path, labels, reading.map)?;
+    let layout = Layout::among(path, labels, *reading)?;
     if named {
         start = next(&mut record)?;
     }
@@ -89,7 +90,7 @@ fn read_words(
 ) -> Result<Contents> {
     let mut file = Cursor::new(path, bytes, true);
     file.offset = start;
-    let mut layout: Option<Layout> = None;
+    let mut layout: Option<Layout<'_>> = None;
     let (mut numbers, mut starts) = (Vec::new(), Vec::new());
     while let Some(line) = file.filled_line() {
         if line.trim_ascii_start().starts_with('#') {
@@ -100,10 +101,10 @@ fn read_words(
             let named = words.iter().take(3).any(|word| float(word).is_none());
             let labels = match named {
                 true => words.iter().map(|word| label(word)).collect(),
-                false => commented(comments, blank_fields, words.len())
+                false => commented(comments, blank_fields, words.len(), reading.map)
                     .unwrap_or_else(|| unnamed(words.len())),
             };
-            layout = Some(Layout::among(path, labels, reading.map)?);
+            layout = Some(Layout::among(path, labels, *reading)?);
             if named {
                 continue;
             }
@@ -154,11 +155,11 @@ fn commented(
     comments: &[&[u8]],
     fields: impl Fn(&[u8]) -> Vec<String>,
     columns: usize,
+    map: &AttributeMap,
 ) -> Option<Vec<String>> {
     comments.iter().rev().find_map(|comment| {
         let labels = fields(comment);
-        let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
-        let complete = names.len() == columns && vector_among(&names, &POSITION).is_some();
+        let complete = labels.len() == columns && position_among(&labels, map).is_some();
         complete.then_some(labels)
     })
 }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use super::labelled::float;
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 
@@ -25,7 +26,7 @@ impl FileBytes<'_> {
         budget.take(bytes, self.path, self.location(offset))
     }
 
-    /// The location in messages of an offset.
+    /// The location of the byte at `offset` in messages.
     pub(crate) fn location(&self, offset: usize) -> Location {
         if self.text {
             let before = self.bytes.get(..offset).unwrap_or(self.bytes);
@@ -123,6 +124,7 @@ impl<'a> Cursor<'a> {
     }
 
     pub(crate) fn number(&self, word: &str) -> Result<f64> {
-        word.parse().map_err(|_| self.error(format!("expected a number, found `{word}`")))
+        float(word.as_bytes())
+            .ok_or_else(|| self.error(format!("expected a number, found `{word}`")))
     }
 }

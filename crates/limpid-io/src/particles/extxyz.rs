@@ -34,7 +34,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         })?,
         None => ["species", "x", "y", "z"].map(String::from).to_vec(),
     };
-    let layout = Layout::among(path, labels, reading.map)?;
+    let layout = Layout::among(path, labels, *reading)?;
     layout.read_lines(&mut file, count, |_| ())
 }
 

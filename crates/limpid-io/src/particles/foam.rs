@@ -44,11 +44,15 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
         return Err(list.source.error(list.start, problem));
     }
     let table = list.table();
-    Ok(table.particles(Column::triple(Scalar::F64))?.into())
+    table.particles(Column::triple(Scalar::F64))
 }
 
 /// Reads the attributes in the files beside the positions.
-pub(super) fn read_beside(path: &Path, contents: &mut Contents, limit: u64) -> Result<()> {
+pub(super) fn read_beside(
+    path: &Path,
+    contents: &mut Contents,
+    reading: &Reading<'_>,
+) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let beside = [
         ("U", Attribute::Velocity, 1.0),
@@ -57,12 +61,16 @@ pub(super) fn read_beside(path: &Path, contents: &mut Contents, limit: u64) -> R
         ("origId", Attribute::Id, 1.0),
     ];
     for (name, attribute, factor) in beside {
+        let (attribute, factor) = match reading.map.attribute_of(name) {
+            Some(attribute) => (attribute, 1.0),
+            None => (attribute, factor),
+        };
         let path = folder.join(name);
         if !files::is_file(&path) {
             continue;
         }
         let mut bytes = Vec::new();
-        files::read(&path, |_| limit, &mut bytes)?;
+        files::read(&path, |_| reading.budget.left(), &mut bytes)?;
         let mut list = List::read(&path, &bytes)?;
         if list.uniform {
             let rows = contents.particles.len();

@@ -27,12 +27,12 @@ use hdf5_pure::{
 
 use self::adapt::Link;
 use super::axes::{Axes, Grid, Places};
-use super::labelled::{POSITION, canonical, vector_among};
+use super::labelled::{position_among, velocity_among};
 use super::npz::{POSITIONS, is_time, positions_among};
 use super::vtk::is_point;
 use super::{
-    Attribute, AttributeMap, Column, Contents, FileBytes, Reading, Remark, Scalar, Table, Unit,
-    attribute_names, foreign, pieces,
+    Attribute, Column, Contents, FileBytes, ReadOptions, Reading, Remark, Scalar, Selection, Table,
+    Unit, attribute_names, foreign, pieces,
 };
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result, printable};
@@ -46,7 +46,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     // The decoder keeps a copy of the file.
     let mut copy = memory::reserve(bytes.len(), path.display())?;
     copy.extend_from_slice(bytes);
-    let mut archive = Archive::new(path, bytes.len() as u64, reading.budget, reading.map);
+    let mut archive = Archive::new(path, bytes.len() as u64, *reading);
     // It is young (0.47), and some of its sums are unchecked: with overflow checks a damaged file could end
     // the program.
     files::catch_panics(path, || {
@@ -69,24 +69,19 @@ pub(super) struct Steps {
 pub(super) fn steps(path: &Path) -> Result<Steps> {
     let one = || Steps { count: 1, ..Steps::default() };
     let (file, metadata) = files::open(path)?;
-    let (length, map) = (metadata.len(), AttributeMap::default());
+    let (length, options) = (metadata.len(), ReadOptions::default());
     let budget = Budget::of_length(None, length);
-    let mut archive = Archive::new(path, length, &budget, &map);
+    let mut archive = Archive::new(path, length, Reading::new(&options, &budget));
     let found = files::catch_panics(path, || archive.in_parts(file, Archive::steps));
     Ok(found.unwrap_or_else(|_| one()))
 }
 
 /// Reads one step of several.
-pub(super) fn read_step(
-    path: &Path,
-    step: usize,
-    limit: Option<u64>,
-    map: &AttributeMap,
-) -> Result<Contents> {
+pub(super) fn read_step(path: &Path, step: usize, options: &ReadOptions) -> Result<Contents> {
     let (file, metadata) = files::open(path)?;
     let length = metadata.len();
-    let budget = Budget::of_length(limit, length);
-    let mut archive = Archive::new(path, length, &budget, map);
+    let budget = Budget::of_length(options.max_unpacked, length);
+    let mut archive = Archive::new(path, length, Reading::new(options, &budget));
     archive.step = Some(step);
     files::catch_panics(path, || archive.in_parts(file, Archive::read))
 }
@@ -98,7 +93,7 @@ struct Archive<'a> {
     packed: u64,
     /// For the unpacked arrays and the attributes read from them.
     budget: &'a Budget,
-    map: &'a AttributeMap,
+    reading: Reading<'a>,
     /// The step to read of several.
     step: Option<usize>,
     /// Links that the decoder passes over.
@@ -138,13 +133,12 @@ struct Body {
     name: String,
     place: String,
     members: Vec<Member>,
-    /// Names of the columns of the velocities.
-    velocity: &'static [&'static str],
 }
 
 impl<'a> Archive<'a> {
-    fn new(path: &'a Path, packed: u64, budget: &'a Budget, map: &'a AttributeMap) -> Self {
-        Self { path, packed, budget, map, step: None, links: Vec::new() }
+    fn new(path: &'a Path, packed: u64, reading: Reading<'a>) -> Self {
+        let budget = reading.budget;
+        Self { path, packed, budget, reading, step: None, links: Vec::new() }
     }
 
     /// Opens a file in memory, which is changed so that the decoder knows it.
@@ -187,7 +181,7 @@ impl<'a> Archive<'a> {
             let header = has("Header").then(|| group("Header")).transpose()?;
             let found = self.rows_of(&members);
             let remark = header.map(|header| self.snapshot(&header, found)).transpose()?.flatten();
-            let mut contents = self.take("PartType0", &members, &[])?;
+            let mut contents = self.take("PartType0", &members)?;
             contents.remarks.extend(remark);
             return Ok(contents);
         }
@@ -207,12 +201,12 @@ impl<'a> Archive<'a> {
             let members = self.members(name, &group(name)?)?;
             // Its arrays have no steps of their own.
             let step = self.step.take();
-            let contents = self.take(name, &members, &[]);
+            let contents = self.take(name, &members);
             self.step = step;
             return contents;
         }
         let (place, members) = self.plain(&root, &groups)?;
-        self.take(&place, &members, &[])
+        self.take(&place, &members)
     }
 
     /// Finds the time steps.
@@ -229,7 +223,7 @@ impl<'a> Archive<'a> {
             let particles = particles.map_err(|error| self.damaged("particles", &error))?;
             let bodies = self.bodies(&particles)?;
             if !bodies.is_empty() {
-                let (liquids, _) = sorted(bodies);
+                let (liquids, _) = sorted(bodies, self.reading.select);
                 let Some(body) = liquids.first() else { return Ok(one) };
                 let count = self.positions_of(&body.members).map_or(1, |(_, places)| places.steps);
                 // The steps and times of H5MD are beside its values.
@@ -432,7 +426,7 @@ impl<'a> Archive<'a> {
                 }
             }
         }
-        let mut contents = self.take(place, &members, &[])?;
+        let mut contents = self.take(place, &members)?;
         for member in ignored {
             contents.list(&member.name, &member.shape, None);
         }
@@ -448,7 +442,7 @@ impl<'a> Archive<'a> {
             if let Ok(arrays) = body.group("arrays") {
                 let place = format!("{place}/arrays");
                 let members = self.members(&place, &arrays)?;
-                bodies.push(Body { name, place, members, velocity: &["u", "v", "w"] });
+                bodies.push(Body { name, place, members });
                 continue;
             }
             // In H5MD (de Buyl, Colberg and Höfling, "H5MD: a structured, efficient, and portable file
@@ -459,7 +453,7 @@ impl<'a> Archive<'a> {
                 members.extend(values.ok().and_then(|dataset| member(element, dataset)));
             }
             if members.iter().any(|member| member.name == "position") {
-                bodies.push(Body { name, place, members, velocity: &[] });
+                bodies.push(Body { name, place, members });
             }
         }
         Ok(bodies)
@@ -467,7 +461,7 @@ impl<'a> Archive<'a> {
 
     /// Reads the bodies that are liquid; solids are listed as ignored arrays.
     fn liquids(&mut self, bodies: Vec<Body>) -> Result<Contents> {
-        let (liquids, solids) = sorted(bodies);
+        let (liquids, solids) = sorted(bodies, self.reading.select);
         if liquids.is_empty() {
             let names: Vec<_> =
                 solids.iter().take(8).map(|body| printable(body.name.clone())).collect();
@@ -476,13 +470,20 @@ impl<'a> Archive<'a> {
         }
         let mut parts = Vec::new();
         for body in &liquids {
-            let part = self.take(&body.place, &body.members, body.velocity)?;
+            let mut part = self.take(&body.place, &body.members)?;
+            part.settle(self.path, &self.reading)?;
             parts.push((body.name.clone(), part));
         }
         let mut contents = pieces::joined(self.path, parts)?;
+        let mut walls = 0;
         for body in &solids {
             let count = self.positions_of(&body.members).map_or(0, |(_, places)| places.rows);
             contents.list(&body.name, &[count, 3], None);
+            walls += count;
+        }
+        if walls > 0 {
+            let names: Vec<_> = solids.iter().map(|body| printable(body.name.clone())).collect();
+            contents.remarks.push(Remark::LeftOut { count: walls, why: names.join(", ") });
         }
         Ok(contents)
     }
@@ -523,6 +524,13 @@ impl<'a> Archive<'a> {
             let external = || self.external_positions("/");
             if let Some(problem) = unusual_positions(&members).or_else(external) {
                 return Err(Error::format(self.path, problem));
+            }
+            if self.reading.map.has(Attribute::Position) {
+                let names: Vec<&str> = members.iter().map(|member| member.name.as_str()).collect();
+                return Err(Error::format(
+                    self.path,
+                    self.reading.map.no_positions("array", "", &names),
+                ));
             }
             let names = members.iter().map(|member| &member.name).chain(groups);
             let names: Vec<_> = names.take(8).map(|name| printable(name.clone())).collect();
@@ -569,12 +577,14 @@ impl<'a> Archive<'a> {
     fn positions_of(&self, members: &[Member]) -> Option<(Vec<usize>, Places)> {
         let arrays: Vec<_> =
             members.iter().map(|member| (member.name.as_str(), member.grid.as_ref())).collect();
-        if let Some((at, places)) = positions_among(&arrays, self.map) {
+        let map = self.reading.map;
+        if let Some((at, places)) = positions_among(&arrays, map) {
             return Some((vec![at], places));
         }
+        let among = |labels: &[&str]| position_among(labels, map);
         let stepped = |member: &Member| member.grid.is_some() && member.shape.len() == 2;
-        let columns = columns_among(members, &POSITION, Member::is_column)
-            .or_else(|| columns_among(members, &POSITION, stepped))?;
+        let columns = columns_among(members, Member::is_column, among)
+            .or_else(|| columns_among(members, stepped, among))?;
         let shape = members[*columns.first()?].shape.as_slice();
         let alike = columns.iter().all(|&at| members[at].shape == shape);
         Some((columns, Places::of_columns(shape))).filter(|_| alike || shape.len() == 1)
@@ -585,9 +595,25 @@ impl<'a> Archive<'a> {
         self.positions_of(members).map_or(0, |(_, places)| places.rows)
     }
 
-    /// Reads positions and attributes from the arrays of a group; `velocity` names the columns of the
-    /// velocities, if they have no usual names.
-    fn take(&mut self, place: &str, members: &[Member], velocity: &[&str]) -> Result<Contents> {
+    /// The columns of the velocities, if they are no array of their own.
+    fn velocities_of(&self, members: &[Member], places: &Places) -> Option<Vec<usize>> {
+        let map = self.reading.map;
+        let is_whole = |member: &Member| {
+            let grid = member.grid.as_ref();
+            map.attribute_of(&member.name) == Some(Attribute::Velocity)
+                && grid.is_some_and(|grid| grid.attribute(Attribute::Velocity, places).is_some())
+        };
+        match members.iter().any(is_whole) {
+            true => None,
+            false => {
+                let beside = |member: &Member| member.is_column_beside(places);
+                columns_among(members, beside, |labels| velocity_among(labels, map))
+            }
+        }
+    }
+
+    /// Reads positions and attributes from the arrays of a group.
+    fn take(&mut self, place: &str, members: &[Member]) -> Result<Contents> {
         let Some((positions, places)) = self.positions_of(members) else {
             let names: Vec<_> = members.iter().take(8).map(|m| printable(m.name.clone())).collect();
             let known = unusual_positions(members).or_else(|| self.external_positions(place));
@@ -611,23 +637,17 @@ impl<'a> Archive<'a> {
         // The positions take no more memory than their arrays.
         self.count(&path, table.bytes.len() as u64)?;
         let Some(xyz) = places.coordinates(&columns) else { return Ok(Contents::default()) };
-        let mut contents = Contents::from(table.particles(xyz)?);
+        let mut contents = table.particles(xyz)?;
         if let ([_], Some(grid)) = (positions.as_slice(), &first.grid) {
             contents.remarks = places.remarks(&printable(first.name.clone()), grid);
         }
         drop(table);
-        let named = |names: &[&str]| -> Option<Vec<usize>> {
-            let find = |name: &&str| {
-                members.iter().position(|m| m.name == **name && m.is_column_beside(&places))
-            };
-            names.iter().map(find).collect()
-        };
-        let usual = || {
-            let known = ["velocity", "velocities", "vel", "v"];
-            columns_among(members, &known, |member| member.is_column_beside(&places))
-        };
-        let velocity = named(velocity).filter(|columns| columns.len() == 3).or_else(usual);
-        let velocity = velocity.filter(|_| self.map.array_of(Attribute::Velocity).is_none());
+        if self.reading.map.has(Attribute::Position) {
+            let names: Vec<_> = positions.iter().map(|&at| members[at].name.as_str()).collect();
+            let shape = [contents.particles.len(), 3];
+            contents.list(&names.join(" "), &shape, Some(Attribute::Position));
+        }
+        let velocity = self.velocities_of(members, &places);
         if let Some(fields) = &velocity {
             let names: Vec<_> = fields.iter().map(|&at| members[at].name.as_str()).collect();
             let name = names.join(" ");
@@ -638,7 +658,9 @@ impl<'a> Archive<'a> {
             contents.take_as(Some(Attribute::Velocity), &name, &shape, &table, &columns)?;
         }
         for link in self.links_of(place) {
-            if let (Some(file), Some(attribute)) = (&link.file, self.map.attribute_of(&link.name)) {
+            if let (Some(file), Some(attribute)) =
+                (&link.file, self.reading.map.attribute_of(&link.name))
+            {
                 contents.remarks.push(Remark::Unusable {
                     array: printable(link.name.clone()),
                     problem: format!("{attribute} is in the file {}", printable(file.clone())),
@@ -651,27 +673,48 @@ impl<'a> Archive<'a> {
             let has = |attribute: &Attribute| {
                 attribute_names(&contents.particles).any(|has| has == attribute.name())
             };
-            let attribute = self.map.attribute_of(&member.name).filter(|attribute| !has(attribute));
-            let axes =
-                attribute.and_then(|attribute| member.grid.as_ref()?.attribute(attribute, &places));
-            let (Some(attribute), Some(axes)) = (attribute, axes) else {
-                if let (Some(attribute), None) = (attribute, &member.grid) {
+            let attribute =
+                self.reading.map.attribute_of(&member.name).filter(|attribute| !has(attribute));
+            let (name, shape) = (&member.name, &member.shape);
+            let grid = member.grid.as_ref();
+            let keeps = self.reading.keeps(name);
+            let is_label = self.reading.values && grid.is_some_and(|grid| !grid.is_float());
+            let axes = match attribute {
+                Some(attribute) => grid.and_then(|grid| grid.attribute(attribute, &places)),
+                None if keeps || is_label => grid.and_then(|grid| grid.axes_of(1, &places)),
+                None => None,
+            };
+            let Some(axes) = axes else {
+                if let (Some(attribute), None) = (attribute, grid) {
                     contents.remarks.push(Remark::Unusable {
-                        array: printable(member.name.clone()),
+                        array: printable(name.clone()),
                         problem: format!("{attribute} in numbers of an unusual type"),
                     });
                 }
-                if !is_time(&member.name, &member.shape, places.steps) {
-                    contents.list(&member.name, &member.shape, None);
+                if !is_time(name, shape, places.steps) {
+                    contents.pass_over(attribute.filter(|_| grid.is_some()), name, shape);
                 }
                 continue;
             };
-            let path = self.display_path(place, &member.name);
-            let (table, columns) = self.table(&path, place, member, axes, step)?;
-            let columns = if attribute.width() == 3 { places.vector(columns) } else { columns };
-            let (name, shape) = (&member.name, &member.shape);
-            self.count(&path, attribute.bytes().saturating_mul(table.rows as u64))?;
-            contents.take_as(Some(attribute), name, shape, &table, &columns)?;
+            let path = self.display_path(place, name);
+            let (table, columns) = match self.table(&path, place, member, axes, step) {
+                Ok((table, _)) if attribute.is_none() && table.rows != contents.particles.len() => {
+                    contents.list(name, shape, None);
+                    continue;
+                }
+                // Only its values would have been listed.
+                Err(_) if attribute.is_none() && !keeps => {
+                    contents.list(name, shape, None);
+                    continue;
+                }
+                read => read?,
+            };
+            let vector = attribute.is_some_and(|attribute| attribute.width() == 3);
+            let columns = if vector { places.vector(columns) } else { columns };
+            self.count(&path, self.reading.bytes_of(name).saturating_mul(table.rows as u64))?;
+            contents.keep(&self.reading, name, &table, &columns)?;
+            contents.take_as(attribute, name, shape, &table, &columns)?;
+            contents.find_values(&self.reading, name, &table, &columns);
         }
         Ok(contents)
     }
@@ -701,40 +744,17 @@ impl<'a> Archive<'a> {
         places: &Places,
         step: usize,
     ) -> Result<(Table<'p>, Vec<Column>)> {
-        let width = fields.len();
         let stepped = |member: &Member| places.axes.numbers.is_none() && !member.is_column();
-        let rows = fields
-            .iter()
-            .map(|&at| if stepped(&members[at]) { places.rows } else { members[at].rows() });
-        let (least, rows) = (rows.clone().min().unwrap_or(0), rows.max().unwrap_or(0));
-        if least != rows {
-            let problem =
-                format!("columns of {least} and of {rows} numbers, expected as many of each");
-            return Err(Error::malformed(path, Location::Byte(0), problem));
-        }
-        let stride = width * Scalar::F64.size();
-        self.count(path, (rows as u64).saturating_mul(stride as u64))?;
-        let mut bytes = memory::zeroed(rows.saturating_mul(stride), path.display())?;
-        for (k, &at) in fields.iter().enumerate() {
-            let member = &members[at];
+        let mut columns = Vec::new();
+        for member in fields.iter().map(|&at| &members[at]) {
             let numbers = match stepped(member) {
                 true => self.numbers_of(place, member, places.axes, step)?,
                 false => self.numbers(place, member)?,
             };
-            for (row, number) in bytes.chunks_exact_mut(stride).zip(numbers) {
-                row[8 * k..][..8].copy_from_slice(&number.to_le_bytes());
-            }
+            self.count(path, size_of_val(&numbers[..]) as u64)?;
+            columns.push(numbers);
         }
-        let table = Table {
-            source: FileBytes { path, bytes: &[], text: false },
-            start: 0,
-            bytes: Cow::Owned(bytes),
-            rows,
-            stride,
-            big_endian: false,
-            starts: None,
-        };
-        Ok((table, Column::adjacent(0, width, Scalar::F64)))
+        Table::of_columns(path, &columns)
     }
 
     /// The numbers of a column.
@@ -890,10 +910,14 @@ fn says(name: &str, words: &[&str]) -> bool {
     words.iter().any(|word| name.contains(word))
 }
 
-/// Divides bodies into liquids and solids by their names.
-fn sorted(bodies: Vec<Body>) -> (Vec<Body>, Vec<Body>) {
+/// Divides bodies into liquids and solids by their names; where all particles are selected, all are liquid.
+fn sorted(bodies: Vec<Body>, select: &Selection) -> (Vec<Body>, Vec<Body>) {
     let named = bodies.iter().any(|body| is_liquid(&body.name));
-    let liquid = |body: &Body| if named { is_liquid(&body.name) } else { !is_solid(&body.name) };
+    let liquid = |body: &Body| match (select, named) {
+        (Selection::All, _) => true,
+        (_, true) => is_liquid(&body.name),
+        (_, false) => !is_solid(&body.name),
+    };
     bodies.into_iter().partition(liquid)
 }
 
@@ -965,14 +989,13 @@ fn unusual_positions(members: &[Member]) -> Option<String> {
     Some(format!("{name} has {kind}; expected IEEE floats, or integers of 2 to 8 bytes"))
 }
 
-/// Finds the columns of a vector whose names begin with one of `bases`.
+/// The arrays that are columns of one number a particle, chosen by `among` by their names.
 fn columns_among(
     members: &[Member],
-    bases: &[&str],
     is_column: impl Fn(&Member) -> bool,
+    among: impl Fn(&[&str]) -> Option<Vec<usize>>,
 ) -> Option<Vec<usize>> {
     let columns: Vec<_> = (0..members.len()).filter(|&at| is_column(&members[at])).collect();
-    let names: Vec<_> = columns.iter().map(|&at| canonical(&members[at].name)).collect();
-    let found = vector_among(&names, bases)?;
-    Some(found.into_iter().map(|k| columns[k]).collect())
+    let names: Vec<_> = columns.iter().map(|&at| members[at].name.as_str()).collect();
+    Some(among(&names)?.into_iter().map(|k| columns[k]).collect())
 }

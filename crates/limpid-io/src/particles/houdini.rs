@@ -19,7 +19,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::cursor::FileBytes;
-use super::{Attribute, Column, Contents, POSITION_BYTES, Reading, Table, foreign};
+use super::{Column, Contents, POSITION_BYTES, Reading, Table, foreign};
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 use limpid::memory;
@@ -33,7 +33,7 @@ pub(super) fn is_geometry(bytes: &[u8]) -> bool {
 
 /// Parses an unpacked file.
 pub(super) fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
-    let Reading { budget, map, .. } = *reading;
+    let budget = reading.budget;
     if !is_geometry(bytes) {
         return Err(foreign(path, bytes, "Houdini's geometry"));
     }
@@ -57,8 +57,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<
             Some(PointAttribute { name, values: values.get("values").unwrap_or(&Value::Null) })
         })
         .collect();
-    let wanted = attributes.iter().filter_map(|attribute| map.attribute_of(&attribute.name));
-    let read = wanted.map(Attribute::bytes).fold(POSITION_BYTES, u64::saturating_add);
+    let bytes_of = attributes.iter().map(|attribute| reading.bytes_of(&attribute.name));
+    let read = bytes_of.fold(POSITION_BYTES, u64::saturating_add);
     source.take(budget, read.saturating_mul(points as u64), 0)?;
 
     let Some(positions) = attributes.iter().find(|attribute| attribute.name == "P") else {
@@ -69,19 +69,28 @@ pub(super) fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<
     }
     let (table, columns) = positions.table(source, points, budget)?;
     // A fourth number is 1.
-    let mut contents = Contents::from(table.particles([columns[0], columns[1], columns[2]])?);
+    let mut contents = table.particles([columns[0], columns[1], columns[2]])?;
     let mut tried = Vec::new();
     for attribute in attributes.iter().filter(|attribute| attribute.name != "P") {
         let (name, size) = (&attribute.name, attribute.size());
-        match map.attribute_of(name) {
+        match reading.map.attribute_of(name) {
             // The first of several, since each may repeat a few numbers for all points.
-            Some(kind) if size == numbers(kind) && !tried.contains(&kind) => {
+            Some(kind) if kind.takes(size) && !tried.contains(&kind) => {
                 tried.push(kind);
                 let (table, columns) = attribute.table(source, points, budget)?;
-                contents.take(map, name, &table, &columns)?;
+                contents.take(reading, name, &table, &columns)?;
             }
-            _ if size < 2 => contents.list(name, &[points], None),
-            _ => contents.list(name, &[points, size], None),
+            _ if size == 1 && reading.keeps(name) => {
+                let (table, columns) = attribute.table(source, points, budget)?;
+                contents.take(reading, name, &table, &columns)?;
+            }
+            None if size == 1 && reading.values => match attribute.table(source, points, budget) {
+                Ok((table, columns)) => contents.take(reading, name, &table, &columns)?,
+                // Only its values would have been listed.
+                Err(_) => contents.list(name, &[points], None),
+            },
+            kind if size < 2 => contents.pass_over(kind, name, &[points]),
+            kind => contents.pass_over(kind, name, &[points, size]),
         }
     }
     contents.cells = cells(&document);
@@ -98,15 +107,6 @@ fn cells(document: &Value<'_>) -> usize {
     });
     let primitives = count("primitivecount");
     if particles || count("vertexcount") <= primitives { 0 } else { primitives }
-}
-
-/// Numbers of a point's attribute.
-fn numbers(attribute: Attribute) -> usize {
-    match attribute {
-        Attribute::Velocity => 3,
-        Attribute::Ellipsoid => 6,
-        Attribute::Density | Attribute::Radius | Attribute::Id => 1,
-    }
 }
 
 struct PointAttribute<'a> {

@@ -65,7 +65,7 @@ fn particles(
             }
         }
     }
-    let layout = Layout::among(path, labels, reading.map)?;
+    let layout = Layout::among(path, labels, *reading)?;
     let sides: Vec<[f64; 2]> =
         sides.iter().filter_map(|side| side.as_slice().try_into().ok()).collect();
     if scaled && sides.len() != 3 {

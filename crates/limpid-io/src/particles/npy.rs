@@ -17,7 +17,9 @@ use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::axes::{Grid, Places};
-use super::{Contents, Cursor, FileBytes, Particles, Reading, Scalar, foreign, write_numbers};
+use super::{
+    Contents, Cursor, FileBytes, Particles, ReadOptions, Reading, Scalar, foreign, write_numbers,
+};
 use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::files::{self, File as InputFile};
@@ -55,7 +57,7 @@ pub(super) fn steps(path: &Path) -> Result<usize> {
 }
 
 /// Reads the positions of one step of several.
-pub(super) fn read_step(path: &Path, step: usize, limit: Option<u64>) -> Result<Contents> {
+pub(super) fn read_step(path: &Path, step: usize, options: &ReadOptions) -> Result<Contents> {
     let fail = |source| Error::io(path, "read", source);
     let (mut file, metadata) = files::open(path)?;
     let (start, length) = beginning(path, &mut file)?;
@@ -70,7 +72,7 @@ pub(super) fn read_step(path: &Path, step: usize, limit: Option<u64>) -> Result<
         let problem = format!("step {step} of {} lies beyond the end of the file", places.steps);
         return Err(cursor.error(problem));
     }
-    let budget = Budget::of_length(limit, size as u64);
+    let budget = Budget::of_length(options.max_unpacked, size as u64);
     cursor.source.take(&budget, size as u64, cursor.offset)?;
     let mut bytes = memory::zeroed(size, path.display())?;
     file.seek(SeekFrom::Start(from)).map_err(fail)?;
@@ -175,7 +177,7 @@ impl Header {
         let (table, columns) =
             table.ok_or_else(|| source.error(start, "an array beyond all memory"))?;
         let Some(xyz) = places.coordinates(&columns) else { return Ok(Contents::default()) };
-        let mut contents = Contents::from(table.particles(xyz)?);
+        let mut contents = table.particles(xyz)?;
         contents.remarks = places.remarks("the array", &self.grid);
         if columns.len() > 3 {
             let what = if places.axes.are_rows() { "columns" } else { "rows" };

@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::axes::{Grid, Places};
+use super::axes::{Axes, Grid, Places};
+use super::labelled::{position_among, velocity_among};
 use super::npy::{self, Header};
 use super::{
-    Attribute, AttributeMap, Column, Contents, Cursor, FileBytes, Particles, Reading, Table,
-    Values, foreign, write_numbers,
+    Attribute, AttributeMap, Column, Contents, Cursor, FileBytes, Particles, ReadOptions, Reading,
+    Table, Values, foreign, write_numbers,
 };
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result, printable};
@@ -44,7 +45,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         1 => {}
         _ => return Err(super::several(path)),
     }
-    archive.contents(reading.map, &headers, positions, &places, 0)
+    archive.contents(reading, &headers, &positions, &places, 0)
 }
 
 /// Number of time steps of the positions, 1 if the archive cannot be read, and the times of the steps, if it has them.
@@ -64,23 +65,18 @@ pub(super) fn steps(path: &Path) -> Result<(usize, Vec<f64>)> {
 }
 
 /// Reads one step of several.
-pub(super) fn read_step(
-    path: &Path,
-    step: usize,
-    limit: Option<u64>,
-    map: &AttributeMap,
-) -> Result<Contents> {
+pub(super) fn read_step(path: &Path, step: usize, options: &ReadOptions) -> Result<Contents> {
     let (file, metadata) = files::open(path)?;
     let length = metadata.len();
-    let budget = Budget::of_length(limit, length);
+    let budget = Budget::of_length(options.max_unpacked, length);
     let mut archive = Members::open(path, BufReader::new(file), length, &budget)?;
     let headers = archive.headers()?;
-    let (positions, places) = find_positions(path, map, &archive.arrays, &headers)?;
+    let (positions, places) = find_positions(path, &options.map, &archive.arrays, &headers)?;
     if step >= places.steps {
         let problem = format!("step {step}: the file has {} now", places.steps);
         return Err(damaged(path, &problem));
     }
-    archive.contents(map, &headers, positions, &places, step)
+    archive.contents(&Reading::new(options, &budget), &headers, &positions, &places, step)
 }
 
 /// The header of a member, and the offset of its numbers.
@@ -89,27 +85,35 @@ struct Member {
     offset: usize,
 }
 
-/// Finds the array of the positions.
+/// Finds the array of the positions, or those of their coordinates, and how they lie.
 fn find_positions(
     path: &Path,
     map: &AttributeMap,
     arrays: &[(usize, String)],
     headers: &[Option<Member>],
-) -> Result<(usize, Places)> {
+) -> Result<(Vec<usize>, Places)> {
     let grids = headers.iter().map(|member| {
         let header = member.as_ref().map(|member| &member.header);
         header.filter(|header| header.plain).map(|header| &header.grid)
     });
     let named = arrays.iter().map(|(_, name)| name.as_str()).zip(grids);
-    positions_among(&named.collect::<Vec<_>>(), map).ok_or_else(|| {
-        let names: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
+    let array = positions_among(&named.collect::<Vec<_>>(), map);
+    let array = array.map(|(at, places)| (vec![at], places));
+    let columns = || {
+        let columns = columns_among(arrays, headers, |labels| position_among(labels, map))?;
+        let rows = columns.first().and_then(|&at| headers[at].as_ref());
+        let rows = rows.map_or(0, |member| member.header.grid.rows());
+        Some((columns, Places::of_columns(&[rows])))
+    };
+    array.or_else(columns).ok_or_else(|| {
+        let names: Vec<&str> = arrays.iter().map(|(_, name)| name.as_str()).collect();
         let pickled = |member: &Member| member.header.kind.ends_with('O');
         let pickled = headers.iter().flatten().any(pickled);
         if pickled && !names.contains(&"particles") {
             let problem = format!(
                 "no array of positions, but some pickled by Python, which may run any program ({}): save plain ones \
                  with `numpy.savez('a.npz', positions=..., velocity=...)`",
-                names.join(", ")
+                names[..names.len().min(8)].join(", ")
             );
             return Error::format(path, problem);
         }
@@ -121,13 +125,46 @@ fn find_positions(
                            plain ones, and PySPH itself HDF5 where h5py is installed";
             return Error::format(path, problem);
         }
-        let problem = format!(
-            "no array `{}` of shape (n, 3) of floats, nor a single other one; there are: {}",
-            POSITIONS.join("`, `"),
-            names.join(", ")
+        let usual = format!(
+            "`{}` of shape (n, 3) of floats, nor a single other one, nor x, y and z",
+            POSITIONS.join("`, `")
         );
-        Error::format(path, problem)
+        Error::format(path, map.no_positions("array", &usual, &names))
     })
+}
+
+/// Finds the columns of the velocities, if they are no array of their own.
+fn find_velocities(
+    map: &AttributeMap,
+    arrays: &[(usize, String)],
+    headers: &[Option<Member>],
+    places: &Places,
+) -> Option<Vec<usize>> {
+    let is_whole = |((_, name), member): (&(usize, String), &Option<Member>)| {
+        map.attribute_of(name) == Some(Attribute::Velocity)
+            && member.as_ref().is_some_and(|member| {
+                member.header.grid.attribute(Attribute::Velocity, places).is_some()
+            })
+    };
+    match places.steps > 1 || arrays.iter().zip(headers).any(is_whole) {
+        true => None,
+        false => columns_among(arrays, headers, |labels| velocity_among(labels, map)),
+    }
+}
+
+/// The arrays of one number a particle that `among` chooses by their names.
+fn columns_among(
+    arrays: &[(usize, String)],
+    headers: &[Option<Member>],
+    among: impl Fn(&[&str]) -> Option<Vec<usize>>,
+) -> Option<Vec<usize>> {
+    let is_column = |at: &usize| {
+        let header = headers[*at].as_ref().map(|member| &member.header);
+        header.is_some_and(|header| header.plain && header.grid.is_column())
+    };
+    let columns: Vec<_> = (0..arrays.len()).filter(is_column).collect();
+    let names: Vec<_> = columns.iter().map(|&at| arrays[at].1.as_str()).collect();
+    Some(among(&names)?.into_iter().map(|k| columns[k]).collect())
 }
 
 /// Chooses the positions among named arrays, and tells how they lie: by their name, or the only array of floats and of
@@ -152,6 +189,11 @@ pub(super) fn positions_among(
         Some((at, name, grid, Places::of(grid).filter(columns)?))
     });
     let candidates: Vec<_> = candidates.collect();
+    if map.has(Attribute::Position) {
+        let mut named = candidates.iter();
+        let is = |name: &str| map.attribute_of(name) == Some(Attribute::Position);
+        return named.find(|(_, name, ..)| is(name)).map(|&(at, _, _, places)| (at, places));
+    }
     let named = POSITIONS
         .iter()
         .find_map(|known| candidates.iter().find(|(_, name, ..)| name.eq_ignore_ascii_case(known)));
@@ -237,15 +279,34 @@ impl<'a, R: Read + Seek> Members<'a, R> {
     /// The positions and attributes of a step.
     fn contents(
         &mut self,
-        map: &AttributeMap,
+        reading: &Reading<'_>,
         headers: &[Option<Member>],
-        positions: usize,
+        positions: &[usize],
         places: &Places,
         step: usize,
     ) -> Result<Contents> {
-        let mut contents = Contents::default();
-        let others = (0..headers.len()).filter(|&at| at != positions);
-        for at in std::iter::once(positions).chain(others) {
+        let map = reading.map;
+        let mut contents = match positions {
+            &[at] => self.positions(headers, at, places, step)?,
+            columns => {
+                let (path, columns) = self.columns(headers, columns)?;
+                let (table, columns) = Table::of_columns(&path, &columns)?;
+                table.particles([columns[0], columns[1], columns[2]])?
+            }
+        };
+        if map.has(Attribute::Position) {
+            let shape = [contents.particles.len(), 3];
+            contents.list(&self.names_of(positions), &shape, Some(Attribute::Position));
+        }
+        let velocities = find_velocities(map, &self.arrays, headers, places).unwrap_or_default();
+        if !velocities.is_empty() {
+            let (path, columns) = self.columns(headers, &velocities)?;
+            let (table, columns) = Table::of_columns(&path, &columns)?;
+            let (name, shape) = (self.names_of(&velocities), [table.rows, columns.len()]);
+            contents.take_as(Some(Attribute::Velocity), &name, &shape, &table, &columns)?;
+        }
+        let used = |at: &usize| positions.contains(at) || velocities.contains(at);
+        for at in (0..headers.len()).filter(|at| !used(at)) {
             let name = self.arrays[at].1.clone();
             let Some(Member { header, offset }) = &headers[at] else {
                 contents.list(&name, &[], None);
@@ -255,58 +316,130 @@ impl<'a, R: Read + Seek> Members<'a, R> {
             // A single number is one row.
             let single = shape.is_empty().then(|| Grid { sizes: vec![1], ..header.grid.clone() });
             let grid = single.as_ref().unwrap_or(&header.grid);
-            let attribute = map.attribute_of(&name);
             // The first array of an attribute is used, and no other is unpacked.
             let has = |attribute: Attribute| {
                 super::attribute_names(&contents.particles).any(|has| has == attribute.name())
             };
-            let attribute = attribute.filter(|&attribute| at != positions && !has(attribute));
+            let attribute = map.attribute_of(&name).filter(|&attribute| !has(attribute));
+            let is_label = reading.values && !grid.is_float();
             let axes = match attribute {
-                _ if at == positions => Some(places.axes),
                 Some(attribute) if header.plain => grid.attribute(attribute, places),
+                None if header.plain && (reading.keeps(&name) || is_label) => {
+                    grid.axes_of(1, places)
+                }
                 _ => None,
             };
             let Some(axes) = axes else {
                 if !is_time(&name, shape, places.steps) {
-                    contents.list(&name, shape, None);
+                    contents.pass_over(attribute, &name, shape);
                 }
                 continue;
             };
-            let part = grid.part(axes, step).unwrap_or(usize::MAX..usize::MAX);
-            let from = offset.saturating_add(part.start);
-            // To the end of the member, where its checksum is compared.
-            let whole = Some(part.len()) == grid.bytes();
-            let to = if whole { usize::MAX } else { offset.saturating_add(part.end) };
-            let bytes = self.unpack(at, from, to)?;
+            let bytes = self.part(headers, at, grid, axes, step)?;
             let source = FileBytes { path: &path, bytes: &[], text: false };
-            if whole && bytes.len() > part.len() {
-                let left = bytes.len() - part.len();
-                let problem = format!("{left} bytes follow the array");
-                return Err(source.error(offset.saturating_add(part.end), problem));
-            }
-            if grid.bytes().is_none() || bytes.len() < part.len() {
-                let (rows, size) = (grid.rows(), grid.row_bytes());
-                let left = bytes.len();
-                let problem = format!("{name}: expected {rows} × {size} bytes, {left} are left");
-                return Err(source.error(from, problem));
-            }
-            let table = grid.table(axes, step, source, from, Cow::Borrowed(&bytes));
+            let start = offset.saturating_add(grid.part(axes, step).map_or(0, |part| part.start));
+            let table = grid.table(axes, step, source, start, Cow::Borrowed(&bytes));
             let Some((table, columns)) = table else { continue };
-            let Some(attribute) = attribute else {
-                // The positions take no more memory than their array.
-                self.count(bytes.len() as u64, at)?;
-                let Some(xyz) = places.coordinates(&columns) else { continue };
-                contents = Contents::from(table.particles(xyz)?);
-                contents.remarks = places.remarks(&name, grid);
-                continue;
-            };
-            let columns = if attribute.width() == 3 { places.vector(columns) } else { columns };
+            let vector = attribute.is_some_and(|attribute| attribute.width() == 3);
+            let columns = if vector { places.vector(columns) } else { columns };
             let rows = contents.particles.len();
-            let table = broadcast(table, &columns, attribute, shape, rows);
-            self.count(attribute.bytes().saturating_mul(table.rows as u64), at)?;
-            contents.take_as(Some(attribute), &name, shape, &table, &columns)?;
+            let table = match attribute {
+                Some(attribute) => broadcast(table, &columns, attribute, shape, rows),
+                // Not a number for each particle.
+                None if table.rows != rows => {
+                    contents.list(&name, shape, None);
+                    continue;
+                }
+                None => table,
+            };
+            self.count(reading.bytes_of(&name).saturating_mul(table.rows as u64), at)?;
+            contents.keep(reading, &name, &table, &columns)?;
+            contents.take_as(attribute, &name, shape, &table, &columns)?;
+            contents.find_values(reading, &name, &table, &columns);
         }
         Ok(contents)
+    }
+
+    /// The positions of a step in an array.
+    fn positions(
+        &mut self,
+        headers: &[Option<Member>],
+        at: usize,
+        places: &Places,
+        step: usize,
+    ) -> Result<Contents> {
+        let Some(Member { header, offset }) = &headers[at] else { return Ok(Contents::default()) };
+        let (path, grid) = (self.display_path(at), &header.grid);
+        let bytes = self.part(headers, at, grid, places.axes, step)?;
+        // The positions take no more memory than their array.
+        self.count(bytes.len() as u64, at)?;
+        let source = FileBytes { path: &path, bytes: &[], text: false };
+        let start = offset.saturating_add(grid.part(places.axes, step).map_or(0, |p| p.start));
+        let table = grid.table(places.axes, step, source, start, Cow::Borrowed(&bytes));
+        let Some((table, columns)) = table else { return Ok(Contents::default()) };
+        let Some(xyz) = places.coordinates(&columns) else { return Ok(Contents::default()) };
+        let mut contents = table.particles(xyz)?;
+        contents.remarks = places.remarks(&self.arrays[at].1, grid);
+        Ok(contents)
+    }
+
+    /// The bytes of an array that a step needs.
+    fn part(
+        &mut self,
+        headers: &[Option<Member>],
+        at: usize,
+        grid: &Grid,
+        axes: Axes,
+        step: usize,
+    ) -> Result<Vec<u8>> {
+        let offset = headers[at].as_ref().map_or(0, |member| member.offset);
+        let part = grid.part(axes, step).unwrap_or(usize::MAX..usize::MAX);
+        let from = offset.saturating_add(part.start);
+        // To the end of the member, where its checksum is compared.
+        let whole = Some(part.len()) == grid.bytes();
+        let to = if whole { usize::MAX } else { offset.saturating_add(part.end) };
+        let bytes = self.unpack(at, from, to)?;
+        if whole && bytes.len() > part.len() {
+            let left = bytes.len() - part.len();
+            let problem = format!("{left} bytes follow the array");
+            let end = offset.saturating_add(part.end) as u64;
+            return Err(Error::malformed(&self.display_path(at), Location::Byte(end), problem));
+        }
+        if grid.bytes().is_none() || bytes.len() < part.len() {
+            let (name, rows, size) = (&self.arrays[at].1, grid.rows(), grid.row_bytes());
+            let left = bytes.len();
+            let problem = format!("{name}: expected {rows} × {size} bytes, {left} are left");
+            let location = Location::Byte(from as u64);
+            return Err(Error::malformed(&self.display_path(at), location, problem));
+        }
+        Ok(bytes)
+    }
+
+    /// The numbers of some arrays of one number a particle, and their path for messages.
+    fn columns(
+        &mut self,
+        headers: &[Option<Member>],
+        which: &[usize],
+    ) -> Result<(PathBuf, Vec<Vec<f64>>)> {
+        let mut columns = Vec::new();
+        for &at in which {
+            let Some(Member { header, .. }) = &headers[at] else { continue };
+            let (grid, all) = (&header.grid, Axes { steps: None, particles: 0, numbers: None });
+            let bytes = self.part(headers, at, grid, all, 0)?;
+            // Twice: as a column and in a table of all.
+            let size = 2 * size_of::<f64>() as u64;
+            self.count(size.saturating_mul(grid.rows() as u64), at)?;
+            let numbers = bytes.chunks_exact(grid.scalar.size()).take(grid.rows());
+            let numbers = numbers.map(|number| grid.scalar.number(number, grid.big_endian));
+            columns.push(memory::collect(numbers, self.path.display())?);
+        }
+        let name = printable(self.names_of(which));
+        Ok((format!("{} ({name})", self.path.display()).into(), columns))
+    }
+
+    /// The names of some arrays.
+    fn names_of(&self, which: &[usize]) -> String {
+        which.iter().map(|&at| self.arrays[at].1.as_str()).collect::<Vec<_>>().join(" ")
     }
 
     /// The times of the steps, if there are as many in an array of such a name.

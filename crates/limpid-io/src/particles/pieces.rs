@@ -65,6 +65,12 @@ pub(crate) fn joined(path: &Path, mut parts: Vec<(String, Contents)>) -> Result<
         |r: &Remark| matches!(r, Remark::Partial { found, total, .. } if found < total);
     all.remarks.retain(|remark| !matches!(remark, Remark::Partial { .. }) || is_partial(remark));
     all.particles = Particles::joined(&particles);
+    if !all.particles.is_empty() {
+        // Others may have some.
+        all.remarks.retain(|remark| !matches!(remark, Remark::NoneSelected { .. }));
+    }
+    // Each part has decided for itself what of it is used.
+    all.settled = true;
     for attribute in Attribute::ALL {
         let has = |part: &Particles| attribute_names(part).any(|name| name == attribute.name());
         let lacks = |part: &Particles| !part.is_empty() && !has(part);
@@ -95,10 +101,9 @@ impl Contents {
                     *found = found.saturating_add(*more);
                     return;
                 }
-                (known, new) if known == new => return,
                 _ => {}
             }
         }
-        self.remarks.push(new);
+        Remark::join(&mut self.remarks, vec![new]);
     }
 }

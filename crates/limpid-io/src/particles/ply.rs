@@ -8,10 +8,10 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::labelled::{ellipsoid_among, velocity_among};
+use super::labelled::{ellipsoid_among, position_among, velocity_among};
 use super::{
-    Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values,
-    foreign, narrow_id,
+    Attribute, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values, foreign,
+    narrow_id,
 };
 use crate::error::{Error, Result};
 use limpid::memory;
@@ -50,7 +50,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     for element in elements.iter().take(vertex) {
         skip(&mut file, element, encoding)?;
     }
-    let mut contents = vertices(&mut file, &elements[vertex], encoding, reading.map)?;
+    let mut contents = vertices(&mut file, &elements[vertex], encoding, reading)?;
     for element in elements.iter().skip(vertex + 1) {
         skip(&mut file, element, encoding)?;
     }
@@ -224,16 +224,16 @@ fn vertices(
     file: &mut Cursor<'_>,
     element: &Element,
     encoding: Encoding,
-    map: &AttributeMap,
+    reading: &Reading<'_>,
 ) -> Result<Contents> {
     let columns = element.columns(encoding);
-    let names: Vec<String> = columns.iter().map(|(name, _)| name.to_ascii_lowercase()).collect();
+    let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
     let stride = element.stride(encoding);
     let big_endian = encoding == Encoding::BigEndian;
-    let find = |name: &str| columns.iter().position(|(n, _)| *n == name);
-    let (Some(x), Some(y), Some(z)) = (find("x"), find("y"), find("z")) else {
-        let problem = "the vertices have no properties x, y and z";
-        return Err(Error::format(file.source.path, problem));
+    let position = position_among(&names, reading.map);
+    let Some(&[x, y, z]) = position.as_deref() else {
+        let problem = reading.map.no_positions("properties", "x, y and z", &names);
+        return Err(Error::format(file.source.path, format!("the vertices have {problem}")));
     };
 
     let table = if element.has_lists() || encoding == Encoding::Ascii {
@@ -255,22 +255,29 @@ fn vertices(
     };
 
     let position = [x, y, z];
-    let mut contents = Contents::from(table.particles(position.map(|at| columns[at].1))?);
+    let mut contents = table.particles(position.map(|at| columns[at].1))?;
+    if reading.map.has(Attribute::Position) {
+        let names = position.map(|at| names[at]).join(" ");
+        contents.list(&names, &[table.rows, 3], Some(Attribute::Position));
+    }
     let mut used = position.to_vec();
     let vectors = [
-        (Attribute::Velocity, velocity_among(&names, map)),
-        (Attribute::Ellipsoid, ellipsoid_among(&names, map)),
+        (Attribute::Velocity, velocity_among(&names, reading.map)),
+        (Attribute::Ellipsoid, ellipsoid_among(&names, reading.map)),
     ];
     for (attribute, at) in vectors {
         let Some(at) = at else { continue };
         let (names, columns): (Vec<&str>, Vec<Column>) = at.iter().map(|&k| columns[k]).unzip();
         let shape = [table.rows, at.len()];
+        for (name, column) in names.iter().zip(&columns) {
+            contents.keep(reading, name, &table, &[*column])?;
+        }
         contents.take_as(Some(attribute), &names.join(" "), &shape, &table, &columns)?;
         used.extend(at);
     }
     for (at, (name, column)) in columns.iter().enumerate() {
         if !used.contains(&at) {
-            contents.take(map, name, &table, &[*column])?;
+            contents.take(reading, name, &table, &[*column])?;
         }
     }
     for property in &element.properties {

@@ -44,7 +44,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
     }
     let table = file.table(rows, 12, false, "positions")?;
     end(&mut file, "positions (solids have another kind of .pos, with several meshes)")?;
-    let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
+    let mut contents = table.particles(Column::triple(Scalar::F32))?;
     // 0 means that the radius is unknown.
     if radius > 0.0 {
         let radii = std::iter::repeat_n(radius, rows);
@@ -104,9 +104,15 @@ fn ellipsoids(path: &Path, bytes: &[u8], particles: usize) -> Result<Vec<Ellipso
     let table = file.table(rows, 36, false, "ellipsoids")?;
     end(&mut file, "ellipsoids")?;
     let columns: [Column; 9] = std::array::from_fn(|k| columns[k]);
-    let maps = table.floats(columns, "ellipsoid")?;
+    let maps = table.floats(columns)?;
     memory::probe(rows * size_of::<Ellipsoid>(), path.display())?;
-    let ellipsoid = |map| Ellipsoid::of_map(Mat3::from_cols_array(map).as_dmat3());
+    let ellipsoid = |map| {
+        let map = Mat3::from_cols_array(map);
+        match map.is_finite() {
+            true => Ellipsoid::of_map(map.as_dmat3()),
+            false => Ellipsoid { xx: f32::NAN, ..Ellipsoid::SPHERE },
+        }
+    };
     Ok(maps.par_iter().with_min_len(1024).map(ellipsoid).collect())
 }
 

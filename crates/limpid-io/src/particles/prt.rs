@@ -84,15 +84,16 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     let Some(&[x, y, z]) = positions.map(|(_, _, columns)| columns.as_slice()) else {
         return Err(Error::format(path, "no channel Position of three numbers"));
     };
-    let mut contents = Contents::from(table.particles([x, y, z])?);
+    let mut contents = table.particles([x, y, z])?;
     for (name, size, columns) in named_columns.iter().filter(|(name, ..)| name != "Position") {
         let shape = [particles, *size];
         let shape = if *size == 1 { &shape[..1] } else { &shape[..] };
+        contents.keep(reading, name, &table, columns)?;
         let attribute = reading.map.attribute_of(name);
         // Krakatoa's is of its shading, without a unit.
-        let shading = attribute == Some(Attribute::Density)
-            && reading.map.array_of(Attribute::Density).is_none();
+        let shading = attribute == Some(Attribute::Density) && !reading.map.has(Attribute::Density);
         contents.take_as(attribute.filter(|_| !shading), name, shape, &table, columns)?;
+        contents.find_values(reading, name, &table, columns);
     }
     Ok(contents)
 }

@@ -51,6 +51,43 @@ pub enum Remark {
         /// The number of the frame that is shown in its place, if one is.
         shown: Option<i64>,
     },
+    /// Numbers of an attribute that cannot be used, for which others stand.
+    Repaired {
+        /// The array's name in the file.
+        array: String,
+        /// How many they are, and what is wrong with them.
+        problem: String,
+        /// What stands for them.
+        substitute: &'static str,
+    },
+    /// Particles of walls and bodies that are left out.
+    LeftOut {
+        /// How many they are.
+        count: usize,
+        /// What tells: an array and its numbers.
+        why: String,
+    },
+    /// No particle of the file satisfies the selection.
+    NoneSelected {
+        /// Its text.
+        selection: String,
+    },
+    /// An array that the attribute map names for the radii is not read, since a radius was given.
+    RadiusGiven {
+        /// The array, with its factor.
+        array: String,
+    },
+    /// The file has radii of its own, which win over the given one.
+    OwnRadii,
+    /// Particles that are left out, since their positions are not finite or too large to be drawn.
+    Unplaced {
+        /// How many they are.
+        unplaced: usize,
+        /// Number of all particles in the file.
+        particles: usize,
+        /// The number of the first of them, from 0.
+        first: usize,
+    },
 }
 
 /// What the parts of a frame are counted by.
@@ -63,13 +100,46 @@ pub enum Unit {
 }
 
 impl Remark {
+    /// Adds the remarks on another part of the same frame: numbers of particles are added up.
+    pub(crate) fn join(remarks: &mut Vec<Self>, more: Vec<Self>) {
+        for remark in more {
+            let same = remarks.iter_mut().find_map(|known| match (known, &remark) {
+                (
+                    Self::Unplaced { unplaced, particles, .. },
+                    Self::Unplaced { unplaced: also, particles: of, .. },
+                ) => {
+                    *unplaced += also;
+                    *particles += of;
+                    Some(())
+                }
+                (Self::LeftOut { count, why }, Self::LeftOut { count: also, why: cause })
+                    if *why == *cause =>
+                {
+                    *count += also;
+                    Some(())
+                }
+                (known, remark) => (*known == *remark).then_some(()),
+            });
+            if same.is_none() {
+                remarks.push(remark);
+            }
+        }
+    }
+
     /// What the remark is about: two remarks of a sequence with the same subject need not both be told.
     pub fn subject(&self) -> (Discriminant<Self>, &str) {
         let name = match self {
             Self::Unusable { array, .. }
             | Self::Transposed { array, .. }
-            | Self::Planar { array } => array,
-            Self::Partial { .. } | Self::Renumbered { .. } => "",
+            | Self::Planar { array }
+            | Self::Repaired { array, .. }
+            | Self::RadiusGiven { array } => array,
+            Self::Partial { .. }
+            | Self::Renumbered { .. }
+            | Self::OwnRadii
+            | Self::Unplaced { .. }
+            | Self::LeftOut { .. }
+            | Self::NoneSelected { .. } => "",
             Self::Unread { problem, .. } => problem,
         };
         (discriminant(self), name)
@@ -105,6 +175,29 @@ impl fmt::Display for Remark {
             Self::Unread { problem, shown: None } => {
                 write!(f, "{problem}; nothing is shown in its place")
             }
+            Self::Repaired { array, problem, substitute } => {
+                write!(f, "{array}: {problem}, and {substitute} stands for them")
+            }
+            Self::LeftOut { count, why } => write!(
+                f,
+                "{} particles of walls and bodies are left out ({why})",
+                thousands(*count)
+            ),
+            Self::NoneSelected { selection } => {
+                write!(f, "no particle of the file satisfies {selection}")
+            }
+            Self::RadiusGiven { array } => {
+                write!(f, "{array} is not read as the radius, since a radius was given")
+            }
+            Self::OwnRadii => {
+                f.write_str("the file has radii of its own, which win over the given one")
+            }
+            Self::Unplaced { unplaced, particles, first } => write!(
+                f,
+                "{} of {} particles have no finite position and are left out (the first: particle {first})",
+                thousands(*unplaced),
+                thousands(*particles)
+            ),
         }
     }
 }

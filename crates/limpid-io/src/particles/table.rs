@@ -1,14 +1,16 @@
 //! Decoding of fixed-size records of any layout to attributes.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::Particles;
 use super::cursor::{Cursor, FileBytes};
-use crate::error::{Error, Result};
+use super::usable::Unplaced;
+use super::{Contents, Particles};
+use crate::error::{Error, Location, Result};
 use limpid::camera::is_position;
 use limpid::memory;
 
@@ -141,7 +143,10 @@ impl Column {
     }
 }
 
-/// Number of rows decoded at a time, few enough to stay in the CPU's cache until they are checked.
+/// Stands for an id that is no integer.
+pub(super) const NO_ID: i64 = i64::MIN;
+
+/// Number of rows that a thread decodes at a time.
 const BLOCK: usize = 4096;
 
 /// Records of equal size, one per particle. Text is first converted to binary numbers, so that all
@@ -161,65 +166,104 @@ pub(super) struct Table<'a> {
     pub(super) starts: Option<Vec<usize>>,
 }
 
+impl<'a> Table<'a> {
+    /// A table with these columns side by side; `path` is that of messages.
+    pub(super) fn of_columns(
+        path: &'a Path,
+        columns: &[impl AsRef<[f64]>],
+    ) -> Result<(Self, Vec<Column>)> {
+        let rows = columns.iter().map(|column| column.as_ref().len());
+        let (least, rows) = (rows.clone().min().unwrap_or(0), rows.max().unwrap_or(0));
+        if least != rows {
+            let problem =
+                format!("columns of {least} and of {rows} numbers, expected as many of each");
+            return Err(Error::malformed(path, Location::Byte(0), problem));
+        }
+        let stride = columns.len() * Scalar::F64.size();
+        let mut bytes = memory::zeroed(rows.saturating_mul(stride), path.display())?;
+        for (k, column) in columns.iter().enumerate() {
+            for (row, number) in bytes.chunks_exact_mut(stride).zip(column.as_ref()) {
+                row[8 * k..][..8].copy_from_slice(&number.to_le_bytes());
+            }
+        }
+        let table = Self {
+            source: FileBytes { path, bytes: &[], text: false },
+            start: 0,
+            bytes: Cow::Owned(bytes),
+            rows,
+            stride,
+            big_endian: false,
+            // They are at several places in the file.
+            starts: Some(Vec::new()),
+        };
+        Ok((table, Column::adjacent(0, columns.len(), Scalar::F64)))
+    }
+}
+
 impl Table<'_> {
-    pub(super) fn error(&self, row: usize, column: Column, problem: String) -> Error {
+    /// Where a number of a row is in the file.
+    pub(super) fn location(&self, row: usize, column: Column) -> Location {
         let offset = match &self.starts {
             Some(starts) => starts.get(row).copied().unwrap_or(self.start),
             None => self.start + row * self.stride + column.offset,
         };
-        self.source.error(offset, problem)
+        self.source.location(offset)
     }
 
-    /// Decodes `columns` to positions.
-    pub(super) fn particles(&self, columns: [Column; 3]) -> Result<Particles> {
-        if columns.iter().all(|column| column.scalar == Scalar::F32) {
-            let positions = self.vectors(columns, "position")?;
-            self.check_positions(columns, positions.iter().map(|x| x.as_dvec3()))?;
-            return Ok(Particles::from_positions(positions));
-        }
-        let positions = self.decode(
-            |bytes, rows: &mut [DVec3]| {
-                for (i, position) in rows.iter_mut().enumerate() {
-                    let record = bytes.get(i * self.stride..).unwrap_or_default();
-                    *position = columns.map(|column| column.number(record, self.big_endian)).into();
+    /// Decodes `columns` to positions. Those that are not finite, or too large to be drawn, are NaN until
+    /// [`Contents::settle`] leaves them out.
+    pub(super) fn particles(&self, columns: [Column; 3]) -> Result<Contents> {
+        let mut first = None;
+        let mut check = |row: usize, position: DVec3| {
+            let valid = is_position(position);
+            if !valid && first.is_none() {
+                first = Some((row, position.as_vec3()));
+            }
+            valid
+        };
+        let particles = if columns.iter().all(|column| column.scalar == Scalar::F32) {
+            let mut positions = self.vectors(columns)?;
+            for (row, position) in positions.iter_mut().enumerate() {
+                if !check(row, position.as_dvec3()) {
+                    *position = Vec3::NAN;
                 }
-                rows.iter().all(|position| position.as_vec3().is_finite())
-            },
-            |record| self.not_finite(columns, "position", record),
-        )?;
-        self.check_positions(columns, positions.iter().copied())?;
-        // 32-bit floats stored as 64-bit ones need no origin.
-        memory::probe(positions.len() * size_of::<Vec3>(), self.source.path.display())?;
-        if positions.iter().all(|&position| position.as_vec3().as_dvec3() == position) {
-            return Ok(Particles::from_positions(positions.iter().map(|p| p.as_vec3()).collect()));
-        }
-        Ok(Particles::from_places(&positions))
+            }
+            Particles::from_positions(positions)
+        } else {
+            let mut places = self.decode(|bytes, rows: &mut [DVec3]| {
+                for (i, place) in rows.iter_mut().enumerate() {
+                    let record = bytes.get(i * self.stride..).unwrap_or_default();
+                    *place = columns.map(|column| column.number(record, self.big_endian)).into();
+                }
+            })?;
+            for (row, place) in places.iter_mut().enumerate() {
+                if !check(row, *place) {
+                    *place = DVec3::NAN;
+                }
+            }
+            memory::probe(places.len() * size_of::<Vec3>(), self.source.path.display())?;
+            // 32-bit floats stored as 64-bit ones need no origin.
+            let narrow = |&place: &DVec3| place.is_nan() || place.as_vec3().as_dvec3() == place;
+            match places.iter().all(narrow) {
+                true => Particles::from_positions(places.iter().map(|x| x.as_vec3()).collect()),
+                false => Particles::from_places(&places),
+            }
+        };
+        let unplaced = first.map(|(row, position)| {
+            let worst = (0..3).find(|&k| !position[k].is_finite()).unwrap_or(0);
+            let (path, location) = (self.source.path.into(), self.location(row, columns[worst]));
+            Unplaced { path, location, row, position }
+        });
+        Ok(Contents { particles, unplaced, ..Contents::default() })
     }
 
-    /// Fails at the first position too large to be drawn, whose square does not fit a 32-bit float.
-    fn check_positions(
-        &self,
-        columns: [Column; 3],
-        mut positions: impl Iterator<Item = DVec3> + Clone,
-    ) -> Result<()> {
-        let invalid = positions.clone().position(|position| !is_position(position));
-        let Some(row) = invalid else { return Ok(()) };
-        let position = positions.nth(row).unwrap_or_default().as_vec3().to_array();
-        let problem = format!("particle {row}: position {position:?}, expected less than 1e18 m");
-        Err(self.error(row, columns[0], problem))
+    /// Decodes `columns` to vectors.
+    pub(super) fn vectors(&self, columns: [Column; 3]) -> Result<Vec<Vec3>> {
+        Ok(bytemuck::allocation::cast_vec(self.floats(columns)?))
     }
 
-    /// Decodes `columns` to vectors, all of them finite.
-    pub(super) fn vectors(&self, columns: [Column; 3], name: &str) -> Result<Vec<Vec3>> {
-        Ok(bytemuck::allocation::cast_vec(self.floats(columns, name)?))
-    }
-
-    /// Decodes `columns` to 32-bit floats, record by record, all of them finite.
-    pub(super) fn floats<const N: usize>(
-        &self,
-        columns: [Column; N],
-        name: &str,
-    ) -> Result<Vec<[f32; N]>> {
+    /// Decodes `columns` to 32-bit floats, record by record.
+    pub(super) fn floats<const N: usize>(&self, columns: [Column; N]) -> Result<Vec<[f32; N]>> {
         let width = N * Scalar::F32.size();
         let first = columns.first().map_or(0, |column| column.offset);
         let adjacent = columns.iter().enumerate().all(|(k, column)| {
@@ -251,73 +295,61 @@ impl Table<'_> {
                     *row = columns.map(|column| column.number(record, big) as f32);
                 }
             }
-            all_finite(rows.as_flattened())
         };
-        self.decode(fill, |record| self.not_finite(columns, name, record))
+        self.decode(fill)
     }
 
-    /// Decodes a column to integers.
-    pub(super) fn integers(&self, column: Column, name: &str) -> Result<Vec<i64>> {
-        self.decode(
-            |bytes, rows: &mut [i64]| {
-                rows.iter_mut().enumerate().fold(true, |valid, (i, row)| {
-                    let record = bytes.get(i * self.stride..).unwrap_or_default();
-                    let integer = column.integer(record, self.big_endian);
-                    *row = integer.unwrap_or_default();
-                    valid & integer.is_some()
-                })
-            },
-            |record| {
-                if column.integer(record, self.big_endian).is_some() {
-                    return None;
-                }
-                let number = column.number(record, self.big_endian);
-                Some((column, format!("{name} {number}, expected a 64-bit integer")))
-            },
-        )
+    /// Decodes a column to integers; [`NO_ID`] stands for other numbers.
+    pub(super) fn integers(&self, column: Column) -> Result<Vec<i64>> {
+        self.decode(|bytes, rows: &mut [i64]| {
+            for (i, row) in rows.iter_mut().enumerate() {
+                let record = bytes.get(i * self.stride..).unwrap_or_default();
+                *row = column.integer(record, self.big_endian).unwrap_or(NO_ID);
+            }
+        })
     }
 
-    /// The column of a record's first number that is not finite as a 32-bit float, and the problem.
-    fn not_finite<const N: usize>(
-        &self,
-        columns: [Column; N],
-        name: &str,
-        record: &[u8],
-    ) -> Option<(Column, String)> {
-        let numbers = columns.map(|column| column.number(record, self.big_endian) as f32);
-        let first = numbers.iter().position(|number| !number.is_finite())?;
-        Some((columns[first], format!("{name} {numbers:?}, expected finite numbers")))
+    /// Decodes a column to 64-bit floats.
+    pub(super) fn numbers(&self, column: Column) -> Result<Vec<f64>> {
+        self.decode(|bytes, rows: &mut [f64]| {
+            for (i, row) in rows.iter_mut().enumerate() {
+                let record = bytes.get(i * self.stride..).unwrap_or_default();
+                *row = column.number(record, self.big_endian);
+            }
+        })
     }
 
-    /// Decodes all rows, block by block on all cores. `fill` decodes rows from the start of some bytes
-    /// and returns whether they are valid; if not, `problem` finds a record's invalid column and the
-    /// problem.
+    /// The distinct numbers of a column, in ascending order, if they are few integers; else none.
+    pub(super) fn few_integers(&self, column: Column) -> Vec<i64> {
+        /// Largest number of them.
+        const FEW: usize = 8;
+        let mut found = Vec::new();
+        for row in 0..self.rows {
+            let record = self.bytes.get(row * self.stride..).unwrap_or_default();
+            match column.integer(record, self.big_endian) {
+                Some(integer) if found.contains(&integer) => {}
+                Some(integer) if found.len() < FEW => found.push(integer),
+                _ => return Vec::new(),
+            }
+        }
+        found.sort_unstable();
+        found
+    }
+
+    /// Decodes all rows, block by block on all cores. `fill` decodes rows from the start of some bytes.
     fn decode<T: Zeroable + Clone + Send>(
         &self,
-        fill: impl Fn(&[u8], &mut [T]) -> bool + Sync,
-        problem: impl Fn(&[u8]) -> Option<(Column, String)>,
+        fill: impl Fn(&[u8], &mut [T]) + Sync,
     ) -> Result<Vec<T>> {
         let from = |row: usize| self.bytes.get(row * self.stride..).unwrap_or_default();
         let mut values: Vec<T> = memory::zeroed(self.rows, self.source.path.display())?;
         // A few rows are decoded in less time than other threads need to wake up.
-        let valid = if self.rows <= BLOCK {
-            fill(from(0), &mut values)
+        if self.rows <= BLOCK {
+            fill(from(0), &mut values);
         } else {
             let blocks = values.par_chunks_mut(BLOCK).enumerate();
-            blocks.map(|(i, rows)| fill(from(i * BLOCK), rows)).reduce(|| true, |a, b| a & b)
-        };
-        if !valid {
-            for row in 0..self.rows {
-                if let Some((column, problem)) = problem(from(row)) {
-                    return Err(self.error(row, column, format!("particle {row}: {problem}")));
-                }
-            }
+            blocks.for_each(|(i, rows)| fill(from(i * BLOCK), rows));
         }
         Ok(values)
     }
-}
-
-/// Whether all numbers are finite. Unlike `all`, it does not stop early, so that it can be vectorized.
-pub(super) fn all_finite(numbers: &[f32]) -> bool {
-    numbers.iter().fold(true, |finite, x| finite & x.is_finite())
 }

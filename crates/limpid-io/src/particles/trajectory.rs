@@ -52,18 +52,13 @@ pub(crate) fn read_section(
         (Section::Text { start, length, lines, unordered }, _) => {
             let mut contents = read_text(path, Text { start, length, lines }, options)?;
             contents.remarks.extend(unordered.map(|step| Remark::Renumbered { step }));
-            Ok(contents)
+            return Ok(contents);
         }
-        (Section::Step(step), Some(Kind::Npy)) => npy::read_step(path, step, options.max_unpacked),
-        (Section::Step(step), Some(Kind::Npz)) => {
-            npz::read_step(path, step, options.max_unpacked, &options.map)
-        }
-        (Section::Step(step), _) => hdf5::read_step(path, step, options.max_unpacked, &options.map),
+        (Section::Step(step), Some(Kind::Npy)) => npy::read_step(path, step, options),
+        (Section::Step(step), Some(Kind::Npz)) => npz::read_step(path, step, options),
+        (Section::Step(step), _) => hdf5::read_step(path, step, options),
     }?;
-    match contents.unread(&options.map) {
-        Some(problem) => Err(Error::format(path, problem)),
-        None => Ok(contents),
-    }
+    contents.finished(path, &Reading::new(options, &Budget::new(options.max_unpacked)))
 }
 
 /// A part of a text file: [`Section::Text`].
@@ -92,11 +87,13 @@ fn read_text(path: &Path, text: Text, options: &ReadOptions) -> Result<Contents>
     files::unchanged(path, &file, &metadata)?;
     read.map_err(fail)?;
     let contents = format.parse(path, &bytes, &Reading::new(options, &budget));
-    contents.map_err(|error| match error {
-        Error::Malformed { path, location: Location::Line(line), problem } => {
-            Error::Malformed { path, location: Location::Line(lines + line), problem }
+    contents.map_err(|mut error| {
+        if let Error::Malformed { location: Location::Line(line), .. }
+        | Error::Unplaced { location: Location::Line(line), .. } = &mut error
+        {
+            *line += lines;
         }
-        error => error,
+        error
     })
 }
 

@@ -48,17 +48,15 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         return Err(file.error(format!("{left} bytes follow the {particles} particles")));
     }
     file.source.take(reading.budget, POSITION_BYTES * table.rows as u64, table.start)?;
-    let particles = table.particles(Column::triple(Scalar::F32))?;
+    let mut contents = table.particles(Column::triple(Scalar::F32))?;
     /// Flags of particles that are to be deleted, and of those that are gone.
     const GONE: u32 = 1 << 10 | 1 << 30;
-    let flags = table
+    let there: Vec<bool> = table
         .bytes
         .chunks_exact(16)
-        .map(|row| row.last_chunk().map_or(0, |&flags| u32::from_le_bytes(flags)) & GONE == 0);
-    let positions = particles.positions.iter().zip(flags).filter(|(_, stays)| *stays);
-    let mut contents = Contents::from(super::Particles::from_positions(
-        positions.map(|(&position, _)| position).collect(),
-    ));
+        .map(|row| row.last_chunk().map_or(0, |&flags| u32::from_le_bytes(flags)) & GONE == 0)
+        .collect();
+    contents.particles.retain(|i| there[i]);
     contents.list("flags", &[table.rows], None);
     Ok(contents)
 }

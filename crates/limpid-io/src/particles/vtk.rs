@@ -11,8 +11,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::{
-    AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values, foreign,
-    write_numbers,
+    Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values, foreign, write_numbers,
 };
 use crate::error::{Error, Result};
 use limpid::memory;
@@ -21,7 +20,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     if !bytes.starts_with(b"# vtk DataFile Version ") {
         return Err(foreign(path, bytes, "a legacy VTK file"));
     }
-    Vtk::open(path, bytes, reading.map)?.read()
+    Vtk::open(path, bytes, *reading)?.read()
 }
 
 /// Whether cells of this type consist of points only.
@@ -63,7 +62,7 @@ struct Vtk<'a> {
     /// Cells are stored as offsets and connectivity, as from version 5 on.
     split_cells: bool,
     section: Section,
-    map: &'a AttributeMap,
+    reading: Reading<'a>,
     contents: Option<Contents>,
     /// Number of cells with several points.
     cells: usize,
@@ -76,7 +75,7 @@ struct Vtk<'a> {
 }
 
 impl<'a> Vtk<'a> {
-    fn open(path: &'a Path, bytes: &'a [u8], map: &'a AttributeMap) -> Result<Self> {
+    fn open(path: &'a Path, bytes: &'a [u8], reading: Reading<'a>) -> Result<Self> {
         let mut file = Cursor::new(path, bytes, true);
         let first = file.line().unwrap_or_default();
         let version = first.rsplit(' ').next().and_then(|version| {
@@ -107,7 +106,7 @@ impl<'a> Vtk<'a> {
             file,
             split_cells,
             section,
-            map,
+            reading,
             contents: None,
             cells: 0,
             points_of_cells: None,
@@ -133,7 +132,12 @@ impl<'a> Vtk<'a> {
                 Some(points) if size <= 6 => {
                     let bytes = at_points(&table.bytes, table.stride, points).into();
                     let table = Table { bytes, ..table };
-                    contents.take(self.map, &name, &table, &Column::adjacent(0, size, scalar))?;
+                    contents.take(
+                        &self.reading,
+                        &name,
+                        &table,
+                        &Column::adjacent(0, size, scalar),
+                    )?;
                 }
                 _ => contents.list(&name, &[table.rows, size][..size.min(2)], None),
             }
@@ -270,7 +274,7 @@ impl<'a> Vtk<'a> {
         }
         let table = self.table(rows, 3, scalar, "POINTS")?;
         let xyz = Column::triple(self.stored(scalar));
-        self.contents = Some(table.particles(xyz)?.into());
+        self.contents = Some(table.particles(xyz)?);
         Ok(())
     }
 
@@ -347,7 +351,7 @@ impl<'a> Vtk<'a> {
         match (&mut self.contents, self.section) {
             // No attribute has more than six numbers; ignored arrays may have any size.
             (Some(contents), Section::Points(_)) if size <= 6 => {
-                contents.take(self.map, name, &table, &Column::adjacent(0, size, stored))
+                contents.take(&self.reading, name, &table, &Column::adjacent(0, size, stored))
             }
             (Some(contents), Section::Points(_)) => {
                 contents.list(name, &[rows, size], None);

@@ -29,8 +29,8 @@ use self::element::{Element, text_of};
 use self::encoded::{Compressor, Encoded, Packed};
 use super::vtk::{at_points, is_permutation, is_point};
 use super::{
-    Attribute, AttributeMap, Column, Contents, FileBytes, MOST_LISTED, POSITION_BYTES, Reading,
-    Scalar, Table, foreign,
+    Column, Contents, FileBytes, MOST_LISTED, POSITION_BYTES, Reading, Scalar, Table, foreign,
+    labelled,
 };
 use crate::budget::Budget;
 use crate::error::{Error, Result};
@@ -40,8 +40,8 @@ pub(crate) use write::write;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     let source = FileBytes { path, bytes, text: false };
-    let (budget, map) = (reading.budget, reading.map);
-    let document = Document::read(source, map)?;
+    let budget = reading.budget;
+    let document = Document::read(source, reading)?;
     let mut merged: Vec<Merged<'_>> = Vec::new();
     let points_of_cells = document.points_of_cells(budget);
     let mut ignored = document.ignored.clone();
@@ -51,8 +51,15 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
             continue;
         }
         // Arrays may share their bytes, so nothing in the file bounds the sum.
-        let (scalar, data) = document.decode(array, budget)?;
-        source.take(budget, array.read_bytes(map), array.start)?;
+        let (scalar, data) = match document.decode(array, budget) {
+            // Only its values would have been listed.
+            Err(_) if array.section != Section::Points && !reading.wants(&array.name) => {
+                ignore(&mut ignored, array.name.clone(), [array.rows, array.size]);
+                continue;
+            }
+            decoded => decoded?,
+        };
+        source.take(budget, array.read_bytes(reading), array.start)?;
         // A piece has one array of points, which may have any name.
         let same = |m: &&mut Merged<'_>| {
             m.section == array.section && (m.section == Section::Points || m.name == array.name)
@@ -104,9 +111,9 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         let columns = Column::adjacent(0, size, scalar);
         match (&mut contents, columns.as_slice()) {
             (None, &[x, y, z]) if array.section == Section::Points => {
-                contents = Some(table.particles([x, y, z])?.into());
+                contents = Some(table.particles([x, y, z])?);
             }
-            (Some(contents), _) => contents.take(map, array.name, &table, &columns)?,
+            (Some(contents), _) => contents.take(reading, array.name, &table, &columns)?,
             _ => {}
         }
     }
@@ -205,7 +212,7 @@ enum Section {
 }
 
 impl<'a> Document<'a> {
-    fn read(source: FileBytes<'a>, map: &AttributeMap) -> Result<Self> {
+    fn read(source: FileBytes<'a>, reading: &Reading<'_>) -> Result<Self> {
         // The XML reader counts from the end of a byte order mark.
         let bytes = source.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source.bytes);
         let source = FileBytes { bytes, ..source };
@@ -275,16 +282,20 @@ impl<'a> Document<'a> {
                 b"Cells" | b"Verts" if !empty => section = Section::Cells,
                 b"DataArray" if section != Section::Other => {
                     let name = at.attribute("Name")?.unwrap_or_default();
+                    let size = at.count("NumberOfComponents")?.unwrap_or(1);
                     let used = match section {
                         Section::Points => true,
-                        Section::PointData | Section::CellData => map.attribute_of(&name).is_some(),
+                        Section::PointData | Section::CellData => {
+                            let is_integer =
+                                at.attribute("type")?.is_some_and(|kind| kind.contains("Int"));
+                            reading.wants(&name) || reading.values && size == 1 && is_integer
+                        }
                         Section::Cells | Section::Other => {
                             name == "types" || name == "connectivity"
                         }
                     };
                     let of_cells = matches!(section, Section::Cells | Section::CellData);
                     let rows = if of_cells { cells } else { rows };
-                    let size = at.count("NumberOfComponents")?.unwrap_or(1);
                     let read = used.then(|| at.array(name.clone(), section, size, rows));
                     let array = match read {
                         // The particles do not depend on it.
@@ -471,7 +482,7 @@ impl<'a> Document<'a> {
         for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
             let word = String::from_utf8_lossy(word);
             let bytes = if float {
-                word.parse().ok().map(f64::to_bits)
+                labelled::float(word.as_bytes()).map(f64::to_bits)
             } else {
                 word.parse().ok().map(i64::cast_unsigned)
             };
@@ -553,9 +564,9 @@ impl<'a> Document<'a> {
 
 impl Array {
     /// Memory of the positions or the attribute read from it, bytes.
-    fn read_bytes(&self, map: &AttributeMap) -> u64 {
-        let attribute = map.attribute_of(&self.name).map_or(0, Attribute::bytes);
-        let bytes = if self.section == Section::Points { POSITION_BYTES } else { attribute };
+    fn read_bytes(&self, reading: &Reading<'_>) -> u64 {
+        let of_points = self.section == Section::Points;
+        let bytes = if of_points { POSITION_BYTES } else { reading.bytes_of(&self.name) };
         bytes.saturating_mul(self.rows as u64)
     }
 

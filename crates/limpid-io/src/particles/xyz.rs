@@ -70,7 +70,8 @@ pub(super) fn is_sound(path: &Path, head: &[u8], length: u64, reading: &Reading<
         (false, true) => last(|&byte| byte == b'\n'),
         (false, false) => head.len() / 12 * 12,
     };
-    check_length(path, head, length).is_ok() && read(path, &head[..end], reading).is_ok()
+    let sound = |contents: Contents| contents.unplaced.is_none();
+    check_length(path, head, length).is_ok() && read(path, &head[..end], reading).is_ok_and(sound)
 }
 
 /// Number of bytes by which text is distinguished from floats.
@@ -103,7 +104,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         }
         (table, Scalar::F32)
     };
-    table.particles(Column::triple(scalar)).map(Contents::from)
+    table.particles(Column::triple(scalar))
 }
 
 /// Writes raw floats.

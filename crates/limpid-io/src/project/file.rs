@@ -18,7 +18,7 @@ use crate::environment;
 use crate::error::{Error, Result, toml_error};
 use crate::files;
 use crate::output::{FileKind, write_atomically};
-use crate::particles::AttributeMap;
+use crate::particles::{AttributeMap, Selection};
 use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
 use limpid::environment::{Environment, Glow, MAX_RADIANCE};
@@ -88,6 +88,8 @@ struct FluidFile {
     scale: Option<f64>,
     #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
     map: AttributeMap,
+    #[serde(default, skip_serializing_if = "Selection::is_automatic")]
+    select: Selection,
     absorption: Option<Vec3>,
     color: Option<Vec3>,
 }
@@ -616,15 +618,16 @@ impl LiquidFile {
 
 impl FluidFile {
     fn of(source: &ParticleSource, absorption: Vec3) -> Self {
-        let ParticleSource { source, frame, radius, up, fps, scale, map } = source.clone();
+        let ParticleSource { source, frame, radius, up, fps, scale, map, select } = source.clone();
         let absorption = Some(absorption);
-        Self { source, frame, radius, up, fps, scale, map, absorption, color: None }
+        Self { source, frame, radius, up, fps, scale, map, select, absorption, color: None }
     }
 
     fn validated(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
-        let Self { source, frame, radius, up, fps, scale, map, absorption: given, color } = self;
+        let Self { source, frame, radius, up, fps, scale, map, select, absorption: given, color } =
+            self;
         let absorption = absorption(given, color)?.unwrap_or(default);
-        Ok((ParticleSource { source, frame, radius, up, fps, scale, map }, absorption))
+        Ok((ParticleSource { source, frame, radius, up, fps, scale, map, select }, absorption))
     }
 }
 

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use limpid_io::particles::{Array, Attribute, Contents, ReadOptions};
+use glam::Vec3;
+use limpid::liquid::Particles;
+use limpid_io::particles::{Array, Attribute, AttributeMap, Contents, ReadOptions};
 
 use super::bgeo::bgeo;
 use super::csv::CSV;
@@ -12,7 +14,7 @@ use super::ply::{ply_ascii, ply_elaborate};
 use super::pos::pos;
 use super::vtk::vtk_4_1;
 use super::vtu::{PLAIN, Stored, vtu};
-use super::{DENSITIES, RADII, VELOCITIES, all_attributes, le};
+use super::{DENSITIES, POSITIONS, RADII, VELOCITIES, all_attributes, le, positions_only};
 
 fn contents(name: &str, bytes: &[u8], map: &str) -> limpid_io::Result<Contents> {
     let map = if map.is_empty() { Default::default() } else { map.parse()? };
@@ -112,9 +114,9 @@ fn arrays_are_mapped() {
     assert_eq!(mapped.velocities.unwrap().len(), VELOCITIES.len());
 
     for (name, bytes) in [("a.bgeo", bgeo.as_slice()), ("a.npz", &archive)] {
-        for map in ["radius=none", "velocity=density,radius=none"] {
+        for map in ["radius=no", "velocity=density,radius=no"] {
             let error = contents(name, bytes, map).unwrap_err().to_string();
-            let parts = [name, "=none: no array `none` of one number a particle", "(3, 3)"];
+            let parts = [name, "=no: no array `no` of one number a particle", "(3, 3)"];
             let wrong = ["velocity=density: no array `density` of 3 numbers"];
             let contains = |parts: &[&str]| parts.iter().all(|part| error.contains(part));
             assert!(contains(&parts) || contains(&wrong), "{error}");
@@ -122,10 +124,122 @@ fn arrays_are_mapped() {
     }
     let error = contents("a.xyz", b"1 2 3", "radius=h").unwrap_err().to_string();
     assert!(error.contains("there are: none"), "{error}");
-    for map in ["radius", "radius=", "size=h", "radius=a,radius=b"] {
-        let error = map.parse::<limpid_io::particles::AttributeMap>().unwrap_err().to_string();
-        assert!(error.contains(map), "{error}");
+}
+
+/// The text of a map is read back as the same map; a comma separates arrays of an attribute, and attributes.
+#[test]
+fn maps_are_read_back() {
+    let cases = [
+        ("velocity=U,radius=h", "radius=h,velocity=U"),
+        ("position=x,y,z,radius=d/2", "position=x,y,z,radius=d*0.5"),
+        ("radius=d * 0.25, velocity = a b:0 , c , e", "radius=d*0.25,velocity=a b:0,c,e"),
+        ("diameter=Particle Diameter", "radius=Particle Diameter*0.5"),
+        ("diameter=d/10,id=none", "id=none,radius=d*0.05"),
+        ("density=1000*rel", "density=rel*1000"),
+        ("velocity=u,v", "velocity=u,v"),
+    ];
+    for (text, written) in cases {
+        let map: AttributeMap = text.parse().expect(text);
+        assert_eq!(map.to_string(), written);
+        assert_eq!(written.parse::<AttributeMap>().unwrap(), map, "{text}");
+        let table = toml::to_string(&map).unwrap();
+        assert_eq!(toml::from_str::<AttributeMap>(&table).unwrap(), map, "{table}");
     }
+    let wrong = [
+        ("radius", "expected ATTRIBUTE=ARRAY"),
+        ("radius=", "expected ATTRIBUTE=ARRAY"),
+        ("position=x,,z", "expected ATTRIBUTE=ARRAY"),
+        ("size=h", "no attribute `size`; there are: position, velocity"),
+        ("radius=a,radius=b", "radius is given twice"),
+        ("radius=a,diameter=b", "radius is given twice"),
+        ("radius=a,b", "radius takes one array, not 2"),
+        ("position=x,y", "position takes one array, or 3, not 2"),
+        ("radius=d/0", "expected a factor above 0"),
+        ("radius=d*-1", "expected a factor above 0"),
+        ("id=n*2", "id takes no factor"),
+    ];
+    for (map, problem) in wrong {
+        let error = map.parse::<AttributeMap>().unwrap_err().to_string();
+        assert!(error.contains(map) && error.contains(problem), "{error}");
+    }
+}
+
+/// Diameters and other multiples are scaled, whatever the format; `none` leaves an attribute out.
+#[test]
+fn mapped_arrays_have_factors() {
+    let radii = |name: &str, bytes: &[u8], map: &str| {
+        contents(name, bytes, map).unwrap().particles.radii.map(|radii| radii[2])
+    };
+    let vtk = vtk_4_1();
+    let archive = npz(&npz_members(), false);
+    let files =
+        [("a.csv", CSV.as_bytes()), ("a.bgeo", &bgeo()), ("a.npz", &archive), ("a.vtk", &vtk)];
+    for (name, bytes) in files {
+        let given = if name == "a.bgeo" { "pscale" } else { "radius" };
+        for (map, radius) in
+            [("radius=R/2", 0.25), ("radius=R*3", 1.5), ("diameter=R", 0.25), ("radius=R", 0.5)]
+        {
+            let map = map.replace('R', given);
+            assert_eq!(radii(name, bytes, &map), Some(radius), "{name} {map}");
+        }
+        let left_out = contents(name, bytes, "radius=none,id=none").unwrap();
+        assert_eq!((left_out.particles.radii, left_out.particles.ids), (None, None), "{name}");
+        assert!(left_out.particles.velocities.is_some(), "{name}");
+    }
+}
+
+/// Positions and velocities are read from one array for each number, found by themselves where they have the
+/// usual names, and from any arrays that a map names, in every kind of format.
+#[test]
+fn vectors_are_read_from_columns() {
+    let column = |of: [[f32; 3]; 3], axis: usize| of.map(|row| row[axis]);
+    let array =
+        |name: &'static str, numbers: [f32; 3]| (name, npy("<f4", "False", "(3,)", &le(numbers)));
+    let named = |names: [&'static str; 6]| {
+        let member = |(k, name)| {
+            let of = if k < 3 { POSITIONS } else { VELOCITIES };
+            array(name, column(of, k % 3))
+        };
+        npz(&names.into_iter().enumerate().map(member).collect::<Vec<_>>(), false)
+    };
+    let expected =
+        Particles { velocities: Some(VELOCITIES.map(Vec3::from).to_vec()), ..positions_only() };
+    let usual = named(["x.npy", "y.npy", "z.npy", "u.npy", "v.npy", "w.npy"]);
+    assert_eq!(contents("a.npz", &usual, "").unwrap().particles, expected);
+    let listed = contents("a.npz", &usual, "").unwrap().arrays;
+    assert_eq!(listed[0].to_string(), "u v w (3, 3)");
+    let other = named(["a.npy", "b.npy", "c.npy", "d.npy", "e.npy", "f.npy"]);
+    let map = "position=a,b,c,velocity=d,E,f";
+    assert_eq!(contents("a.npz", &other, map).unwrap().particles, expected);
+    let error = contents("a.npz", &other, "position=a,b,x").unwrap_err().to_string();
+    assert!(
+        error.contains("position=a,b,x: no such array of positions; there are: a, b"),
+        "{error}"
+    );
+
+    let text =
+        CSV.replacen("x,y,z,vx,vy,vz", "Position[i] (m),Position[j] (m),Position[k] (m),u,v,w", 1);
+    assert_eq!(contents("a.csv", text.as_bytes(), "").unwrap().particles, all_attributes());
+    let text = CSV.replacen("x,y,z,vx,vy,vz", "east,north,height,vx,vy,vz", 1);
+    let map = "position=east,north,height,velocity=vx,vy,vz";
+    assert_eq!(contents("a.csv", text.as_bytes(), map).unwrap().particles, all_attributes());
+    let mapped = contents("a.csv", text.as_bytes(), map).unwrap().arrays;
+    assert_eq!(mapped[0].used_as, Some(Attribute::Position));
+
+    let ply = ply_ascii().replace("property float x", "property float px2");
+    assert!(contents("a.ply", ply.as_bytes(), "").is_err());
+    let read = contents("a.ply", ply.as_bytes(), "position=px2,y,z").unwrap();
+    assert_eq!(read.particles, all_attributes());
+
+    // In formats with a place for positions, other arrays may take theirs.
+    let swapped = contents("a.bgeo", &bgeo(), "position=velocity,velocity=none").unwrap();
+    assert_eq!(swapped.particles.positions, VELOCITIES.map(Vec3::from));
+    let columns = contents("a.vtk", &vtk_4_1(), "position=density,radius,density").unwrap();
+    let expected: Vec<Vec3> =
+        (0..3).map(|i| Vec3::new(DENSITIES[i], RADII[i], DENSITIES[i])).collect();
+    assert_eq!(columns.particles.positions, expected);
+    let missing = contents("a.bgeo", &bgeo(), "velocity=density,pscale,w").unwrap_err().to_string();
+    assert!(missing.contains("velocity=density,pscale,w: no arrays"), "{missing}");
 }
 
 /// A scalar radius applies to all particles.

@@ -8,12 +8,16 @@ use glam::Vec3;
 use limpid::liquid::Particles;
 
 use super::{
-    DENSITIES, IDS, POSITIONS, RADII, VELOCITIES, all_attributes, be, check_message, patched,
-    positions_only, read,
+    DENSITIES, IDS, POSITIONS, RADII, VELOCITIES, all_attributes, be, check_left_out,
+    check_message, patched, positions_only, read,
 };
 
 /// Header of a file with these point attributes: name, size, type, defaults or strings.
-fn bgeo_header(version: i32, points: i32, attributes: &[(&str, u16, i32, &[u8])]) -> Vec<u8> {
+pub(crate) fn bgeo_header(
+    version: i32,
+    points: i32,
+    attributes: &[(&str, u16, i32, &[u8])],
+) -> Vec<u8> {
     let mut bytes = b"BgeoV".to_vec();
     for number in [version, points, 0, 0, 0, attributes.len() as i32, 0, 0, 0] {
         bytes.extend(number.to_be_bytes());
@@ -96,32 +100,10 @@ fn bgeo_malformed() {
     let strings = bgeo_header(5, 0, &[("s", 1, 4, &[0xff; 4])]);
     check_message("a.bgeo", &strings, &["byte", "strings", "-1"]);
     let nan = patched(&good, &be([4.0]), &be([f32::NAN]));
-    check_message("a.bgeo", &nan, &["byte 61", "particle 1", "position", "NaN", "finite"]);
+    check_left_out("a.bgeo", &nan, 1);
     let mut cut = gzip(&bgeo());
     cut.truncate(cut.len() - 12);
     check_message("a.bgeo", &cut, &["byte", "gzip"]);
-}
-
-#[test]
-fn invalid_attributes_are_errors() {
-    let file = |name: &str, size: u16, kind: i32, value: &[u8]| {
-        let header = bgeo_header(5, 1, &[(name, size, kind, &vec![0; 4 * usize::from(size)])]);
-        [header, be([0.0, 0.0, 0.0, 1.0]), value.to_vec()].concat()
-    };
-    let inf = f32::INFINITY;
-    let cases = [
-        (file("v", 3, 5, &be([0.0, inf, 0.0])), "velocity"),
-        (file("rho", 1, 0, &be([f32::NAN])), "density"),
-        (file("radius", 1, 0, &be([-inf])), "radius"),
-        (file("radii", 1, 0, &be([-0.5])), "radius -0.5, expected 0 or more"),
-        (file("ids", 1, 0, &be([1.5])), "id 1.5, expected a 64-bit integer"),
-    ];
-    for (bytes, fragment) in cases {
-        check_message("a.bgeo", &bytes, &["byte", "particle 0", fragment]);
-    }
-    // A known name with another shape is not the known attribute.
-    let other = read("a.bgeo", &file("density", 3, 5, &be([inf, 0.0, 0.0]))).unwrap();
-    assert_eq!(other.densities, None);
 }
 
 /// Written files are read back bit-identically, plain and gzipped, as baked frames require.

@@ -3,7 +3,7 @@
 use limpid::liquid::Particles;
 
 use super::bgeo::bgeo;
-use super::{all_attributes, check_message, positions_only, read};
+use super::{all_attributes, check_left_out, check_message, positions_only, read};
 
 pub(crate) const CSV: &str = "id,x,y,z,vx,vy,vz,density,other,radius
 7,0.5,-1.25,2,1,0,-9.5,1000,a,0.025
@@ -51,11 +51,8 @@ fn csv_malformed() {
         check_message("a.csv", CSV.replacen(from, to, 1).as_bytes(), fragments);
     };
     check("3.5,4", "3.5,w", &["line 3", "particle 1", "position", "`w`"]);
-    check("0,1e-3", "0,nan", &["line 5", "particle 2", "position", "NaN"]);
-    check("0.25,0.5", "0.25,inf", &["line 3", "particle 1", "velocity"]);
-    check("-1,3.5", "1.5,3.5", &["line 3", "particle 1", "id", "`1.5`"]);
+    check_left_out("a.csv", CSV.replacen("0,1e-3", "0,nan", 1).as_bytes(), 2);
     check("1000,a,0.025", "1000", &["line 2", "particle 0", "radius", "no such column"]);
-    check("1000,a,0.025", "1000,a,-1", &["line 2", "particle 0", "radius -1"]);
     check("x,y,z", "a,b,c", &["no columns x, y and z", "id, a, b, c"]);
     check_message("a.csv", b"1,2\n3,4\n", &["line 1", "position", "no such column"]);
     check_message("a.csv", &bgeo(), &["a BGEO file"]);

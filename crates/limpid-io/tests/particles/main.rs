@@ -17,9 +17,11 @@ mod other_programs;
 mod places;
 mod ply;
 mod pos;
+mod selection;
 mod shapes;
 mod simulators;
 mod trajectories;
+mod usable;
 mod vtk;
 mod vtu;
 mod writing;
@@ -30,6 +32,7 @@ use std::path::Path;
 use glam::Vec3;
 use limpid::liquid::Particles;
 use limpid_io::Result;
+use limpid_io::particles::{Contents, ReadOptions, Remark};
 
 const POSITIONS: [[f32; 3]; 3] = [[0.5, -1.25, 2.0], [3.5, 4.0, -5.75], [0.0, 1e-3, 1e6]];
 const VELOCITIES: [[f32; 3]; 3] = [[1.0, 0.0, -9.5], [0.25, 0.5, 0.75], [-0.0, 2.0, 3.0]];
@@ -51,6 +54,11 @@ fn all_attributes() -> Particles {
     }
 }
 
+/// Names of the attributes that particles have.
+fn all_names(particles: &Particles) -> Vec<&'static str> {
+    limpid_io::particles::attribute_names(particles).collect()
+}
+
 fn read(name: &str, bytes: &[u8]) -> Result<Particles> {
     limpid_io::particles::parse(Path::new(name), bytes)
 }
@@ -70,6 +78,15 @@ fn check_message(name: &str, bytes: &[u8], fragments: &[&str]) {
     for fragment in fragments {
         assert!(text.contains(fragment), "{fragment:?} not in: {text}");
     }
+}
+
+/// Checks that particle `first` of three has no place in a file, and is left out with a remark.
+fn check_left_out(name: &str, bytes: &[u8], first: usize) {
+    let contents = Contents::parse(Path::new(name), bytes, &ReadOptions::default()).unwrap();
+    let kept = (0..3).filter(|&i| i != first).map(|i| POSITIONS[i].into());
+    assert_eq!(contents.particles.positions, kept.collect::<Vec<Vec3>>(), "{name}");
+    let expected = [Remark::Unplaced { unplaced: 1, particles: 3, first }];
+    assert_eq!(contents.remarks, expected, "{name}");
 }
 
 /// Bytes with the first occurrence of `from`, which must exist, replaced.

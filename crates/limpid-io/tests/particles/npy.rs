@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::Vec3;
 use limpid_io::particles::{Contents, ReadOptions};
 
-use super::{POSITIONS, be, check_message, le, patched, positions_only, read};
+use super::{POSITIONS, be, check_left_out, check_message, le, patched, positions_only, read};
 
 pub(crate) fn npy(kind: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     let mut header =
@@ -86,8 +86,8 @@ fn npy_malformed() {
     let nested = npy("<f4", "False", &"(".repeat(50_000), &data);
     check_message("a.npy", &nested, &["byte", "`shape`"]);
     let nan = patched(&shaped("(3, 3)"), &le([4.0]), &le([f32::NAN]));
-    check_message("a.npy", &nan, &["byte 144", "particle 1", "position"]);
+    check_left_out("a.npy", &nan, 1);
     let nan = patched(&npy_fortran(), &4.0_f64.to_be_bytes(), &f64::NAN.to_be_bytes());
-    check_message("a.npy", &nan, &["byte 160", "particle 1", "position"]);
+    check_left_out("a.npy", &nan, 1);
     check_message("a.npy", b"\x93NUMPY\x09\x00", &["version 9"]);
 }

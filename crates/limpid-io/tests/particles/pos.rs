@@ -4,10 +4,11 @@ use glam::{DMat3, Mat3, Vec3, dvec3};
 use limpid::liquid::classify;
 use limpid::liquid::{Ellipsoid, Particles};
 use limpid::settings::Classify;
+use limpid_io::particles::{Contents, ReadOptions};
 
 use super::bgeo::bgeo;
 use super::npy::npy_data;
-use super::{check_message, le, patched, positions_only, read};
+use super::{check_left_out, check_message, le, patched, positions_only, read};
 
 pub(crate) fn pos(radius: f32) -> Vec<u8> {
     [3_u32.to_le_bytes().to_vec(), le([radius]), npy_data()].concat()
@@ -30,7 +31,7 @@ fn pos_malformed() {
     check_message("a.pos", &pos(-1.0), &["byte 4", "radius -1"]);
     check_message("a.pos", &pos(f32::NAN), &["byte 4", "radius NaN"]);
     let nan = patched(&pos(0.25), &le([4.0]), &le([f32::NAN]));
-    check_message("a.pos", &nan, &["byte 24", "particle 1", "position"]);
+    check_left_out("a.pos", &nan, 1);
     check_message("a.pos", &bgeo(), &["a BGEO file"]);
 }
 
@@ -69,10 +70,18 @@ fn ellipsoids_are_read_from_ani() {
     }
     damaged(&[&maps[..], &[0]].concat(), &["1 bytes are left"]);
     damaged(&[&[2, 0, 0, 0], &maps[4..]].concat(), &["2 ellipsoids", "3 particles"]);
-    damaged(
-        &ani([[f32::INFINITY; 9], symmetric, symmetric]),
-        &["byte 4", "particle 0", "ellipsoid"],
-    );
+    // A map that is not finite is none that can be drawn.
+    std::fs::write(path.with_extension("ani"), ani([[f32::INFINITY; 9], symmetric, symmetric]))
+        .unwrap();
+    let contents = Contents::read(&path, &ReadOptions::default()).unwrap();
+    assert_eq!(contents.particles.ellipsoids.unwrap()[..2], [Ellipsoid::default(), expected]);
+    let parts = ["ellipsoid: 1 of 3 values are not finite", "a fitted shape stands for them"];
+    let remark = contents.remarks[0].to_string();
+    assert!(parts.iter().all(|part| remark.contains(part)), "{remark}");
+    // The ellipsoids of the particles that are left stay theirs.
+    std::fs::write(&path, patched(&pos(0.25), &le([0.5]), &le([f32::NAN]))).unwrap();
+    let contents = Contents::read(&path, &ReadOptions::default()).unwrap();
+    assert_eq!(contents.particles.ellipsoids.unwrap(), [expected; 2]);
 }
 
 /// Particles of a block keep the ellipsoids and the positions of the file; one with an invalid ellipsoid

@@ -3,8 +3,8 @@
 use limpid::liquid::Particles;
 
 use super::{
-    DENSITIES, IDS, POSITIONS, RADII, VELOCITIES, all_attributes, be, check_message, patched,
-    positions_only, read,
+    DENSITIES, IDS, POSITIONS, RADII, VELOCITIES, all_attributes, be, check_left_out,
+    check_message, patched, positions_only, read,
 };
 
 /// A file as simulators write it, such as `SPlisHSPlasH`.
@@ -156,9 +156,7 @@ fn vtk_malformed() {
     check_message("a.vtk", &points("99999999999999999999"), &["byte", "count"]);
     check_message("a.vtk", &points(""), &["byte", "count"]);
     let nan = patched(&good, &be([4.0]), &be([f32::NAN]));
-    check_message("a.vtk", &nan, &["byte 97", "particle 1", "position", "NaN"]);
-    let bad = patched(&good, &be([998.5]), &be([f32::INFINITY]));
-    check_message("a.vtk", &bad, &["byte", "particle 1", "density"]);
+    check_left_out("a.vtk", &nan, 1);
 
     // Contradictory counts.
     let other = patched(&good, b"POINT_DATA 3", b"POINT_DATA 2");
@@ -177,11 +175,10 @@ fn vtk_malformed() {
         assert!(VTK_ASCII.contains(from));
         VTK_ASCII.replacen(from, to, 1).into_bytes()
     };
-    check_message("a.vtk", &text("-5.75", "nan"), &["line 7", "particle 1", "position", "NaN"]);
+    check_left_out("a.vtk", &text("-5.75", "nan"), 1);
     check_message("a.vtk", &text("-5.75", "x"), &["line 8", "expected a number", "`x`"]);
     check_message("a.vtk", &text("POINTS 3", "POINTS 2147483647"), &["line 11", "`CELLS`"]);
     check_message("a.vtk", &text("POINTS 3", "POINTS -3"), &["line 6", "-3"]);
-    check_message("a.vtk", &text("0.025 0", "0.025 -1"), &["line", "particle 1", "radius -1"]);
     check_message("a.vtk", &text("radii 1 3", "radii 0 99"), &["line", "99 entries"]);
     check_message("a.vtk", &text("v 3 3 float", "v 3 3 string"), &["line 22", "`string`"]);
     check_message("a.vtk", &text("v 3 3 float", "v 3 3"), &["line 22", "field"]);
