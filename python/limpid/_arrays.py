@@ -101,6 +101,16 @@ def particle_arrays(
     }
 
 
+def placed(places: npt.NDArray[Any]) -> npt.NDArray[np.bool_] | None:
+    """Which positions can be drawn, as of files: those that are finite and below 1e18; ``None`` if all can be, or if so many
+    cannot that the native half refuses them."""
+    if not places.size or (places.min() > -1e18 and places.max() < 1e18):
+        return None
+    with np.errstate(invalid="ignore"):
+        there: npt.NDArray[np.bool_] = (np.abs(places) < 1e18).all(axis=1)
+    return there if 2 * np.count_nonzero(there) >= len(there) else None
+
+
 def radius_of(radius: Any) -> tuple[float | None, Any]:
     """A radius for all particles, or an array with one for each."""
     if radius is None:

@@ -65,20 +65,37 @@ class Particles:
         return f"<limpid.Particles, {len(self)}{more}>"
 
 
-def read(path: PathLike) -> Particles:
+def read(
+    path: PathLike, *, map: str | None = None, select: str | None = None, skip_invalid: bool = False
+) -> Particles:
     """Reads a particle file of any format that limpid knows: BGEO, VTK, VTU, PLY, NPZ, HDF5, CSV …
 
     Parameters
     ----------
     path : path
         The file. Positions have the file's axes and unit.
+    map : str, optional
+        Where attributes are read from, as for the program's ``--map``: ``"velocity=u,v,w,radius=d/2,id=none"``.
+    select : str, optional
+        Which particles are read, as for ``--select``: ``"type==1"``, ``"mk in 1..3"``, or ``"all"``.
+    skip_invalid : bool
+        Leave out particles without a finite position even if they are more than half of the file.
 
     Raises
     ------
+    ValueError
+        If `map` or `select` cannot be understood.
     OSError
         If the file cannot be read; ``limpid.FileError`` naming the place if it is damaged.
+
+    Warns
+    -----
+    LimpidWarning
+        If something of the file is left out or understood in a way of its own.
     """
-    arrays: dict[str, Any] = _limpid.read(os.fspath(path))
+    arrays, remarks = _limpid.read(os.fspath(path), map, select, bool(skip_invalid))
+    for remark in remarks:
+        warnings.warn(f"{os.fspath(path)!s}: {remark}", LimpidWarning, stacklevel=2)
     return Particles(**arrays)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _limpid
-from ._arrays import numbers, of_length, particle_arrays, radius_of, samples_of, size_of, up_of
+from ._arrays import numbers, of_length, particle_arrays, placed, radius_of, samples_of, size_of, up_of
 from ._errors import Error, LimpidWarning
 from ._limpid import Camera
 from ._particles import Particles
@@ -169,7 +169,8 @@ class Renderer:
         Warns
         -----
         LimpidWarning
-            If units, radius or camera are likely wrong; in a series of pictures once.
+            If units, radius or camera are likely wrong, or if particles without a finite position are left
+            out, up to half of them; in a series of pictures once.
         """
         return self._render(
             positions,
@@ -223,6 +224,10 @@ class Renderer:
         places = arrays["positions"]
         assert places is not None
         tints = None if colors is None else _colors(colors, len(places))
+        kept = placed(places)
+        if kept is not None:
+            arrays = {name: None if array is None else array[kept] for name, array in arrays.items()}
+            tints = None if tints is None else tints[kept]
         scene = _scene(scene)
         if camera is not None and not isinstance(camera, Camera):
             raise ValueError(f"camera is {camera!r}; expected a limpid.Camera")
@@ -252,6 +257,12 @@ class Renderer:
         )
         picture = Picture(drawn, scene, bool(alpha))
         self._known = (scene, picture.scene)
+        if kept is not None:
+            lost, first = np.count_nonzero(~kept), np.argmin(kept)
+            self._warn([
+                f"{lost} of {len(kept)} particles have no finite position and are left out "
+                f"(the first: particle {first})"
+            ])
         self._warn(drawn["notices"])
         return picture
 

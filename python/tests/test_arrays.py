@@ -52,6 +52,18 @@ def test_arrays_are_not_changed_or_kept(renderer, ball, scene):
     positions.resize((3, 3), refcheck=True)
 
 
+def test_particles_without_a_place_are_left_out(renderer, ball, scene):
+    """Their rows of other arrays go with them, and a warning counts them."""
+    whole = dict(scene=scene, radius=np.full(len(ball), 0.05), colors=np.linspace(0.1, 0.9, 3 * len(ball)).reshape(-1, 3))
+    expected = renderer.render(ball, **whole, size=SMALL).rgba
+    for nothing in (np.nan, -np.inf, 1e30):
+        holed = {k: np.insert(v, 3, v[0], axis=0) if k != "scene" else v for k, v in whole.items()}
+        with pytest.warns(limpid.LimpidWarning, match="particles have no finite position.*particle 3"):
+            drawn = renderer.render(np.insert(ball, 3, nothing, axis=0), **holed, size=SMALL).rgba
+            renderer._issued.clear()
+        assert np.array_equal(drawn, expected), nothing
+
+
 def test_places_far_from_the_origin_keep_their_digits(renderer, ball):
     """A float64 array far away draws what the same array draws near the origin."""
     far = ball.astype(np.float64) + np.array([3e5, -2e5, 1e5])
@@ -67,6 +79,8 @@ N = 9
 GOOD = np.arange(3 * N, dtype=np.float32).reshape(N, 3)
 NAN = GOOD.copy()
 NAN[4, 1] = np.nan
+MOSTLY_NAN = GOOD.copy()
+MOSTLY_NAN[:5, 0] = np.nan
 
 BAD = {
     "positions has the shape (9, 2); expected (n, 3)": dict(positions=GOOD[:, :2]),
@@ -75,7 +89,7 @@ BAD = {
     "positions has the dtype bool": dict(positions=np.ones((N, 3), bool)),
     "positions has the dtype complex64": dict(positions=GOOD.astype(np.complex64)),
     "positions has the dtype object": dict(positions=None),
-    "positions: particle 4 has [12.0, nan, 14.0]; expected finite numbers": dict(positions=NAN),
+    "positions: particle 0 has [nan, 1.0, 2.0]; expected finite numbers": dict(positions=MOSTLY_NAN),
     "positions: particle 0 has [inf": dict(positions=[[np.inf, 0, 0]]),
     "positions: particle 0 has [1e30": dict(positions=[[1e30, 0, 0]]),
     "radius is -1.0; expected 1e-12 to 1e12 m": dict(radius=-1),

@@ -60,6 +60,20 @@ def test_bad_files_are_os_errors(tmp_path, ball):
     assert [f.name for f in tmp_path.iterdir()] == ["bad.bgeo"]
 
 
+def test_some_of_a_file_is_read(tmp_path):
+    path = tmp_path / "walls.csv"
+    path.write_text("x,y,z,Type,Idp,d\n0,0,0,0,1,0.2\n1,0,0,3,2,0.2\n2,0,0,3,3,0.2\nnan,0,0,3,4,0.2\n")
+    with pytest.warns(limpid.LimpidWarning) as caught:
+        read = limpid.read(path, map="diameter=d")
+    assert len(caught) == 2 and "walls and bodies are left out (Type 0)" in str(caught[0].message)
+    assert read.positions[:, 0].tolist() == [1, 2] and read.radii.tolist() == pytest.approx([0.1, 0.1])
+    with pytest.warns(limpid.LimpidWarning, match="no finite position"):
+        assert len(limpid.read(path, select="all")) == 3
+    assert len(limpid.read(path, select="idp in 1..2")) == 2
+    with pytest.raises(ValueError, match="select `idp`"):
+        limpid.read(path, select="idp")
+
+
 def test_bake_is_the_program_s(program, root, tmp_path):
     program("bake", root / "sims" / "crown.toml", "--frames", "3", "-o", tmp_path)
     frames = limpid.bake(root / "sims" / "crown.toml", frames=3)

@@ -10,7 +10,7 @@ use limpid::camera::is_position;
 use limpid::liquid::Ellipsoid;
 use limpid::liquid::Particles;
 use limpid::liquid::particles::origin_for;
-use limpid_io::particles;
+use limpid_io::particles::{self, Contents, ReadOptions};
 use numpy::ndarray::{ArrayView2, Axis};
 use numpy::{Element, IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::exceptions::PyValueError;
@@ -202,11 +202,24 @@ pub(crate) fn to_arrays<'py>(
     Ok(arrays)
 }
 
-/// Reads a particle file.
+/// Reads a particle file; returns also what was left out of it, or understood in a way of its own.
 #[pyfunction]
-pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    let particles = work::run(py, move |_| particles::read(&path))?;
-    to_arrays(py, particles)
+#[pyo3(signature = (path, map, select, skip_invalid))]
+pub(crate) fn read(
+    py: Python<'_>,
+    path: PathBuf,
+    map: Option<String>,
+    select: Option<String>,
+    skip_invalid: bool,
+) -> PyResult<(Bound<'_, PyDict>, Vec<String>)> {
+    let contents = work::run(py, move |_| {
+        let map = map.map(|text| text.parse()).transpose()?.unwrap_or_default();
+        let select = select.map(|text| text.parse()).transpose()?.unwrap_or_default();
+        let options = ReadOptions { map, select, skip_invalid, ..ReadOptions::default() };
+        Contents::read(&path, &options)
+    })?;
+    let remarks = contents.remarks.iter().map(ToString::to_string).collect();
+    Ok((to_arrays(py, contents.particles)?, remarks))
 }
 
 /// Writes a particle file; returns the names of the attributes that its format cannot hold.
