@@ -159,7 +159,7 @@ fn damaged_frames_are_made_again() {
         assert!(frames == whole, "{again:?}");
         again
     };
-    assert_eq!(rebake(), []);
+    assert!(rebake().is_empty());
     // Cut, of the same length with zeros, and a bit of a place.
     change(1, &|bytes| bytes.truncate(100));
     change(4, &|bytes| {
@@ -174,7 +174,7 @@ fn damaged_frames_are_made_again() {
     std::fs::remove_file(path(7)).unwrap();
     std::fs::copy(path(11), path(12)).unwrap();
     assert_eq!(rebake(), [1, 4, 5, 9, 12]);
-    assert_eq!(rebake(), []);
+    assert!(rebake().is_empty());
     // A record without checksums, as of an earlier version: what cannot be read is made again.
     let record = folder.path().join("x.bake.json");
     let mut known: serde_json::Value =
