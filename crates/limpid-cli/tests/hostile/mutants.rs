@@ -70,7 +70,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Read> {
 /// Reads all frames of a file that is there.
 fn open(path: &Path) -> Result<Read> {
     let input = Input::open(path)?;
-    let mut read = Read { frames: Vec::new(), said: false };
+    // Files that are listed and not there are told before anything is drawn.
+    let said = !input.sequence.absent.is_empty();
+    let mut read = Read { frames: Vec::new(), said };
     for frame in &input.sequence.frames {
         let contents = frame.read(&ReadOptions::default())?;
         damage::check(&path.to_string_lossy(), &contents.particles);

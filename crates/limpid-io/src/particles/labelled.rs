@@ -242,6 +242,12 @@ impl<'a> Layout<'a> {
             let at = numbers.len();
             let word = |field: usize| words.get(field).copied();
             self.push_row(file.source, file.start, row, word, &mut numbers)?;
+            // The last number of a row that is cut off may have lost digits.
+            let (found, expected) = (words.len(), self.labels.len());
+            if found < expected {
+                let problem = format!("particle {row}: {found} columns, expected {expected}");
+                return Err(file.error(problem));
+            }
             adjust(numbers[at..].as_chunks_mut().0);
             starts.push(file.start);
         }

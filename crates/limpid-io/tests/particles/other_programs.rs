@@ -158,6 +158,10 @@ fn lammps_dumps() {
     let message = |text: &str, parts: &[&str]| check_message("a.dump", text.as_bytes(), parts);
     message(&dump("x y z", "1 2 3\n"), &["particle 1", "expected 2 lines"]);
     message(&dump("x y z", "1 2 3\n1 2\n"), &["line 11", "particle 1", "no such column"]);
+    message(
+        &dump("x y z vx", "1 2 3 4\n1 2 3\n"),
+        &["line 11", "particle 1", "3 columns, expected 4"],
+    );
     message("ITEM: TIMESTEP\n1\n", &["no section `ITEM: ATOMS`"]);
     message("nothing\n", &["not a LAMMPS dump"]);
     let tilted = dump("xs ys zs", "0 0 0\n0 0 0\n").replace("0 10\n", "0 10 0.5\n");

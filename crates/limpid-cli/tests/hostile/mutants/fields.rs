@@ -79,19 +79,6 @@ impl Fields {
         self.number(what, value)
     }
 
-    /// A number that moves particles.
-    pub(crate) fn free_value(&mut self, what: &str, value: f64) -> f64 {
-        const OTHERS: [f64; 8] =
-            [0.0, -1.0, 1e-45, 1e30, 1e300, f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
-        if !self.turn() {
-            return value;
-        }
-        self.free = true;
-        let other = OTHERS[self.random.below(OTHERS.len())];
-        self.change = format!("{what}: {value} -> {other}");
-        other
-    }
-
     /// A name, tag or magic.
     pub(crate) fn text(&mut self, what: &str, value: &str) -> String {
         if !self.turn() {
