@@ -479,7 +479,8 @@ fn a_film_survives_damaged_frames() {
         (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
     };
     let (code, stderr) = run(&["-q", "-o", "w.apng"]);
-    assert!(code == 4 && stderr.starts_with("limpid: frame 1: water_1.xyz: line 1"), "{stderr}");
+    assert!(code == 4 && stderr.starts_with("limpid: frame 1: "), "{stderr}");
+    assert!(stderr.contains("water_1.xyz: line 1"), "{stderr}");
     assert!(stderr.contains("--missing hold") && stderr.contains("--keep-going"), "{stderr}");
     assert!(!at("w.apng").exists());
 

@@ -142,7 +142,7 @@ fn unreadable_frames_are_treated_as_missing() {
         [(1, 50.0, None), (2, 50.0, Some(1)), (3, 50.0, Some(1)), (6, 51.0, Some(4))]
     {
         let loaded = load(&input, number).unwrap();
-        assert_eq!(loaded.bounds.0.x, x, "{number}");
+        assert!((loaded.bounds.0.x - x).abs() < 1e-6, "{number}: {}", loaded.bounds.0.x);
         let expected =
             shown.map_or(String::new(), |shown| format!("; frame {shown} is shown in its place"));
         assert!(told(&loaded).ends_with(&expected), "{number}: {}", told(&loaded));
@@ -151,7 +151,7 @@ fn unreadable_frames_are_treated_as_missing() {
     assert_eq!(load(&input, 0).unwrap().particles, 0, "nothing is before the first");
     let half = FrameTime { frame: 1, next: 2, fraction: 0.5 };
     let still = input.load(half, &project.scene).unwrap();
-    assert_eq!((still.bounds.0.x, still.remarks.len()), (50.0, 1));
+    assert!((still.bounds.0.x - 50.0).abs() < 1e-6 && still.remarks.len() == 1);
 
     let folder = frames(&[CUT, CUT]);
     let mut input = open(&folder);
@@ -170,7 +170,9 @@ fn listed_pieces_are_looked_for_first() {
             "<VTKFile type=\"PUnstructuredGrid\"><PUnstructuredGrid><Piece Source=\"{piece}\"/></PUnstructuredGrid></VTKFile>"
         )
     };
-    std::fs::write(at("a.xyz"), PAIR).unwrap();
+    for name in ["a.xyz", "c.xyz", "d.xyz"] {
+        std::fs::write(at(name), PAIR).unwrap();
+    }
     std::fs::write(at("b.pvtu"), pieces("b_0.vtu")).unwrap();
     let listed = |files: &[&str]| {
         let sets: Vec<String> = (0..)
@@ -185,8 +187,8 @@ fn listed_pieces_are_looked_for_first() {
         Input::open(at("all.pvd")).unwrap()
     };
     let all = [0, 1, 2].map(FrameTime::at);
-    assert!(listed(&["a.xyz", "a.xyz", "a.xyz"]).check_files(&all).is_ok());
-    let mut input = listed(&["a.xyz", "a.xyz", "b.pvtu"]);
+    assert!(listed(&["a.xyz", "c.xyz", "d.xyz"]).check_files(&all).is_ok());
+    let mut input = listed(&["a.xyz", "c.xyz", "b.pvtu"]);
     let error = input.check_files(&all).unwrap_err();
     assert!(matches!(error, Error::MissingFrames { .. }), "{error}");
     assert!(error.to_string().contains("b_0.vtu") && error.to_string().contains("all.pvd"));

@@ -269,8 +269,8 @@ fn ranges_of_steps_count_files() {
         let error = select(&even, spec, Missing::Error).unwrap_err().to_string();
         assert!(error.contains(problem), "{error}");
     }
-    // Larger numbers than frames can be.
-    assert_eq!(select(&even, "1000-6000000000:1000000000", Missing::Empty).unwrap().len(), 4);
+    // More numbers than frames may be selected, of which few are frames.
+    assert_eq!(select(&even, "0-30000000", Missing::Empty).unwrap().len(), 20_001);
 
     // A gap of the stride, in negative numbers.
     let gap = numbered(&[-40, -20, 20, 40]);
