@@ -52,6 +52,9 @@ pub(crate) fn from_near_by(
         let depth = (from_eye + Vec3::from_array(splat.centre).as_dvec3()).dot(ahead);
         (depth - splat.longest(), depth + splat.longest())
     };
+    if splats.aggregates.is_empty() && splats.splashes.is_empty() {
+        return Ok(view);
+    }
     let all = splats.aggregates.par_iter().chain(&splats.splashes).map(ends);
     let wider = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
     let liquid = all.reduce(|| (f64::INFINITY, f64::NEG_INFINITY), wider);
