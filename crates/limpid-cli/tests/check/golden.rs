@@ -40,8 +40,8 @@ fn golden_frames_are_complete_and_small() {
     assert!(size(&golden().with_extension("")) < 2_000_000);
 }
 
-fn file_name(path: &str) -> String {
-    Path::new(path).file_name().unwrap_or_default().to_string_lossy().into_owned()
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// Total size of the files below a folder, bytes.
