@@ -457,6 +457,10 @@ fn what_is_not_read_is_named() {
             "KHR_draco_mesh_compression is not read, export without compression",
         ],
     );
+    check_error(
+        &[("/accessors/0/componentType", 5125.into())],
+        &["accessors[0]: 32-bit integers", "for indices alone"],
+    );
     let meshopt = json!(["EXT_meshopt_compression"]);
     check_error(
         &[("/extensionsUsed", meshopt), ("/buffers/0", json!({ "byteLength": 168 }))],

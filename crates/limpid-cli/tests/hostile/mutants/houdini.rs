@@ -240,7 +240,9 @@ pub(super) fn blosc(f: &mut Fields) -> Written {
 
 /// An LZ4 block of bytes as they are, whose lengths are fields.
 fn lz4_literals(f: &mut Fields, bytes: &[u8]) -> Vec<u8> {
-    let more = bytes.len() - 15;
+    let Some(more) = bytes.len().checked_sub(15) else {
+        return [&[(bytes.len() as u8) << 4], bytes].concat();
+    };
     let mut block = vec![f.choice("the token of LZ4", 0xf0, &[0x00, 0xff, 0x0f, 0x80])];
     block.extend(vec![255; more / 255]);
     block.push(f.number("the last length of LZ4", more as u64 % 255) as u8);

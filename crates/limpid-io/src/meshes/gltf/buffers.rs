@@ -141,6 +141,10 @@ impl<'a> Buffers<'a> {
             );
         }
         let scalar = self.scalar(accessor.component_type, part)?;
+        if N > 1 && scalar == Scalar::U32 {
+            let problem = "32-bit integers (`componentType` 5125), which are for indices alone";
+            return Err(self.error(part, problem));
+        }
         let Some(view) = accessor.buffer_view else {
             return Err(self.without(part, "no data (`bufferView`)"));
         };
