@@ -109,9 +109,9 @@ mod tests {
         }
         assert_eq!(budget.limit(), 2000 << 20);
         let place = Location::Byte(7);
-        assert!(budget.take(1500 << 20, &a, place).is_ok());
+        assert!(budget.take(1500 << 20, &a, place.clone()).is_ok());
         assert_eq!(budget.left(), 500 << 20);
-        let error = budget.take((500 << 20) + 1, &b, place).unwrap_err();
+        let error = budget.take((500 << 20) + 1, &b, place.clone()).unwrap_err();
         assert!(matches!(error, Error::TooLarge { limit, .. } if limit == 2000 << 20), "{error}");
         assert!(budget.take(500 << 20, &b, place).is_ok(), "a refused part takes nothing");
 
