@@ -7,11 +7,13 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::floor::is_ground;
 use crate::project::Project;
-use limpid::camera::is_position;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
-use limpid::scene::{Light, Liquid, Scene, Shape, Solid};
+use limpid::scene::{Light, Liquid, Scene, Shape};
+
+pub use crate::floor::Floor;
 
 /// The changes to a scene that are made most often. Each replaces what the scene has.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -49,15 +51,6 @@ pub enum Sun {
         /// Elevation, −90 to 90.
         elevation: f64,
     },
-}
-
-/// The height of the ground.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum Floor {
-    /// Without any.
-    None,
-    /// At this height, m.
-    At(f64),
 }
 
 /// The colour of the liquid.
@@ -104,44 +97,12 @@ impl Sun {
     }
 }
 
-impl Floor {
-    /// The height, m, of one.
-    pub(crate) fn height(self) -> Option<f64> {
-        if let Self::At(height) = self { Some(height) } else { None }
-    }
-
-    /// The height of a scene's ground.
-    pub fn of(scene: &Scene) -> Self {
-        let shape = scene.solids.iter().find(|solid| is_ground(solid)).map(|solid| &solid.shape);
-        match shape {
-            Some(Shape::Plane { origin, .. }) => Self::At(origin.y),
-            _ => Self::None,
-        }
-    }
-}
-
-/// Whether a solid is an unbounded level plane.
-pub(crate) fn is_ground(solid: &Solid) -> bool {
-    matches!(solid.shape, Shape::Plane { normal, half_extent, .. }
-        if half_extent.is_infinite() && normal.y.abs() > 0.999)
-}
-
 impl fmt::Display for Sun {
     /// Writes what [`Sun::from_str`] parses.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::None => f.write_str("none"),
             Self::At { azimuth, elevation } => write!(f, "{azimuth},{elevation}"),
-        }
-    }
-}
-
-impl fmt::Display for Floor {
-    /// Writes what [`Floor::from_str`] parses.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::None => f.write_str("none"),
-            Self::At(height) => write!(f, "{height}"),
         }
     }
 }
@@ -174,18 +135,6 @@ impl FromStr for Sun {
             }
             _ => Err("expected AZIMUTH,ELEVATION in degrees, as 30,45, or none".into()),
         }
-    }
-}
-
-impl FromStr for Floor {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "none" {
-            return Ok(Self::None);
-        }
-        let height = text.parse::<f64>().ok().filter(|y| is_position(DVec3::splat(*y)));
-        height.map(Self::At).ok_or_else(|| "expected a height in metres, or none".into())
     }
 }
 

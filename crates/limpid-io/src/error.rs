@@ -155,7 +155,7 @@ pub enum Error {
         /// The input as given.
         input: String,
         /// The error.
-        source: Box<Error>,
+        source: Box<Self>,
     },
     /// A missing frame of a sequence.
     #[error("{pattern}: frame {frame} is missing")]

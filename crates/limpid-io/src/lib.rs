@@ -43,6 +43,7 @@ pub mod exr;
 pub mod files;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod film;
+mod floor;
 pub mod frame_cache;
 pub mod frames;
 pub mod input;

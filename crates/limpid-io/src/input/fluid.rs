@@ -39,6 +39,9 @@ pub(super) struct Fluid {
     pub(super) source: FluidSource,
 }
 
+/// The axis that points up in a file, and what tells, if that is known.
+type KnownUp = Option<(Up, UpFrom)>;
+
 /// The source of a fluid's particles.
 #[derive(Debug, Clone)]
 pub(super) enum FluidSource {
@@ -121,7 +124,7 @@ impl Fluid {
     }
 
     /// The particles of a frame that is there, y up, and the axis that points up in its file if that tells.
-    fn particles(&self, number: i64) -> Result<(Arc<Particles>, Option<(Up, UpFrom)>)> {
+    fn particles(&self, number: i64) -> Result<(Arc<Particles>, KnownUp)> {
         if let Some(particles) = self.unchanged() {
             return Ok((particles, None));
         }
