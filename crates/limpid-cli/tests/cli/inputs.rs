@@ -64,8 +64,8 @@ fn ranks_are_merged() {
     assert_contains(&line, &["frame 8 lacks the file of rank 1"]);
     let line = fail(folder, 2, &["scene", "--merge=rank_{}.bgeo"]);
     assert_contains(&line, &["expected {r} for the rank"]);
-    assert_contains(
-        &fail(folder, 4, &["info", "rank{r}.bgeo"]),
-        &["one place for the frame's number"],
-    );
+    // Without a number of the frame, the files of all ranks are one.
+    assert_contains(&fail(folder, 4, &["info", "rank{r}.bgeo"]), &["no file of this name"]);
+    copies(folder, &["rank0.bgeo", "rank1.bgeo"]);
+    assert_contains(&succeed(folder, &["info", "rank{r}.bgeo"]), &["1 frames", "9464 particles"]);
 }

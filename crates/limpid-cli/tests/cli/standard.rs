@@ -86,7 +86,8 @@ fn pipes_have_limits() {
     let folder = folder();
     let bytes = cube(folder.path(), "cube.npz");
     let bgeo = cube(folder.path(), "cube.bhclassic");
-    let mib = vec![b'P'; 2 << 20];
+    let mut mib = vec![0; 2 << 20];
+    mib[..4].copy_from_slice(b"PK\x03\x04");
     let foreign: &[&str] = &["standard input: ", "to a file, whose name tells"];
     for (args, input, code, parts) in [
         (&["info", "-"][..], &bgeo[..], 3, foreign),
