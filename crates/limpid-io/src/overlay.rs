@@ -93,7 +93,8 @@ fn scale_bar(picture: &mut DynamicImage, pixel: f64) {
     let text = with_unit(length);
     let mut ink = Ink::new(size, dot(size));
     let (dot, long) = (f64::from(ink.dot), length / pixel);
-    let (left, y) = (4.0 * dot, f64::from(size.y) - 5.0 * dot);
+    // A line of one dot fills its row of dots where it lies in its middle.
+    let (left, y) = (4.5 * dot, f64::from(size.y) - 5.5 * dot);
     if ink.width(&text).max(long) + 2.0 * left > f64::from(size.x) || y < 14.0 * dot {
         return;
     }
