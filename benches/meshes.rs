@@ -50,7 +50,7 @@ fn compare(gpu: &Gpu, name: &str, options: &Options) -> limpid_io::Result<()> {
     let repository = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     let file = repository.join("sims/cascade.toml");
     let open = || -> limpid_io::Result<_> {
-        let (input, mut project) = Input::open(&file.to_string_lossy())?.resolve()?;
+        let (input, mut project) = Input::open(&file)?.resolve()?;
         project.set(&options.settings)?;
         Ok((input, project))
     };

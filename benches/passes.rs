@@ -88,7 +88,7 @@ impl Subject {
         if !file.exists() {
             return Ok(None);
         }
-        Self::of(name, Input::open(&file.to_string_lossy())?, settings).map(Some)
+        Self::of(name, Input::open(file)?, settings).map(Some)
     }
 
     fn of(name: &str, input: Input, settings: &[String]) -> limpid_io::Result<Self> {

@@ -44,7 +44,7 @@ fn main() -> limpid_io::Result<()> {
 fn write(name: &str, folder: &Path) -> limpid_io::Result<()> {
     let scene =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("sims/{name}.toml"));
-    let input = Input::open(&scene.to_string_lossy())?;
+    let input = Input::open(scene)?;
     let bare = input.particles(&input.sequence.frames[0])?;
     let count = bare.len();
     let particles = Particles {
@@ -59,7 +59,7 @@ fn write(name: &str, folder: &Path) -> limpid_io::Result<()> {
 }
 
 fn measure(folder: &Path) -> limpid_io::Result<()> {
-    let (input, project) = Input::open(&folder.to_string_lossy())?.resolve()?;
+    let (input, project) = Input::open(folder)?.resolve()?;
     let numbers: Vec<i64> = input.sequence.frames.iter().map(|frame| frame.number).collect();
     let frame_times = input.frame_times(&numbers, 1.0);
     let threads = rayon::current_num_threads();

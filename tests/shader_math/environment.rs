@@ -221,13 +221,13 @@ fn glows_are_averaged_over_a_pixel() {
         case::<9>(&[&d.normalize().to_array(), &x.to_array(), &y.to_array()])
     };
     // Standard deviation of the glow, radians.
-    let sigma = 1.0 / f64::from(sharpness).sqrt();
+    let sigma = 1.0 / sharpness.sqrt();
 
     let mut random = Random(18);
     let near: Vec<_> = (0..200).map(|_| lobe + 0.1 * random.direction()).collect();
     let cases: Vec<_> = near.iter().map(|&d| seen(d, DVec3::ZERO, DVec3::ZERO)).collect();
     for (d, result) in near.iter().zip(kernel.run::<9, 3>(gpu, &cases)) {
-        let plain = (f64::from(sharpness) * (lobe.dot(d.normalize()) - 1.0)).exp();
+        let plain = (sharpness * (lobe.dot(d.normalize()) - 1.0)).exp();
         let expected = plain * DVec3::new(1.0, 2.0, 3.0);
         assert_near(vec3(&result).distance(expected), 0.0, 1e-3, "without a spread");
     }

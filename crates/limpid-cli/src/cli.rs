@@ -87,7 +87,7 @@ const SCENE_EXAMPLES: &str = "Examples:
   limpid render scene.toml                             edit it, and draw it
   limpid scene water.vtu --look daylight --sun 200,15 --tint 0.5,0.8,0.7";
 
-pub(crate) fn run(arguments: Vec<OsString>) -> anyhow::Result<u8> {
+pub(crate) fn run(arguments: &[OsString]) -> anyhow::Result<u8> {
     let Cli { version, verbose, quiet, command } = parse(arguments)?;
     let command = match command {
         Some(_) if version => anyhow::bail!("--version takes no command"),
@@ -179,12 +179,12 @@ fn start_workers() -> limpid_io::Result<()> {
 }
 
 /// Parses the arguments; usage errors are put on one line, like all other errors.
-fn parse(arguments: Vec<OsString>) -> anyhow::Result<Cli> {
-    Cli::try_parse_from(&arguments).map_err(|error| match error.kind() {
+fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
+    Cli::try_parse_from(arguments).map_err(|error| match error.kind() {
         Usage::DisplayHelp
         | Usage::DisplayVersion
         | Usage::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
-        Usage::InvalidUtf8 => anyhow::anyhow!(not_text(&arguments)),
+        Usage::InvalidUtf8 => anyhow::anyhow!(not_text(arguments)),
         _ => {
             anyhow::anyhow!(without_command(&error).unwrap_or_else(|| one_line(&error.to_string())))
         }

@@ -42,16 +42,16 @@ const STACK_BYTES: usize = 8 << 20;
 /// To be called once, from the first thread: window systems require their event loop there.
 pub fn run(arguments: Vec<OsString>) -> u8 {
     if arguments.get(1).is_some_and(|command| command == "view") {
-        return run_here(arguments);
+        return run_here(&arguments);
     }
     let thread = std::thread::Builder::new().name("limpid".into()).stack_size(STACK_BYTES);
-    match thread.spawn(|| run_here(arguments)) {
+    match thread.spawn(move || run_here(&arguments)) {
         Ok(thread) => thread.join().unwrap_or(PANICKED),
         Err(error) => report_failure(&limpid_io::Error::Threads(error).into()),
     }
 }
 
-fn run_here(arguments: Vec<OsString>) -> u8 {
+fn run_here(arguments: &[OsString]) -> u8 {
     cli::run(arguments).unwrap_or_else(|error| report_failure(&error))
 }
 

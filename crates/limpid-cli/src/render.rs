@@ -92,7 +92,7 @@ pub(crate) struct Args {
     #[arg(long, allow_hyphen_values = true, value_name = "TIME", value_parser = parse_time)]
     at: Option<f64>,
     /// The camera, in the axes of the particle files, in metres and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`,
-    /// optionally up=0,1,0 and near=0.01; height=METRES in place of fov_y for parallel rays [default: the scene's
+    /// optionally up=0,1,0 and near=0.01; `height=METRES` in place of `fov_y` for parallel rays [default: the scene's
     /// camera].
     #[arg(long, allow_hyphen_values = true, conflicts_with = "camera_path")]
     camera: Option<GivenCamera>,

@@ -67,7 +67,7 @@ const CURVE: &str = "\
 /// Checks the outputs before the measurements, which take minutes.
 fn check_outputs(args: &Args, json: &Path) -> anyhow::Result<()> {
     let mut files = Files::default();
-    let scenes = args.scenes.iter().flat_map(|scene| input::files_of(scene));
+    let scenes = args.scenes.iter().flat_map(input::files_of);
     scenes.chain(args.against.clone()).for_each(|path| files.reads(&path));
     if let Some(path) = &args.curve {
         return Ok(files.writes(path, FileKind::CURVE)?);

@@ -39,7 +39,7 @@ fn parse(table: &str) -> limpid_io::Result<Project> {
 #[test]
 fn every_recipe_is_an_input() {
     for name in NAMES {
-        let (input, project) = Input::open(&path(name)).unwrap().resolve().unwrap();
+        let (input, project) = Input::open(path(name)).unwrap().resolve().unwrap();
         let recipe = project.source.recipe().expect("a recipe");
         let [frame] = input.sequence.frames.as_slice() else { panic!("{name}: one frame") };
         let loaded = input.load(frame, &project.scene).unwrap();

@@ -9,7 +9,7 @@ use glam::{UVec2, Vec3};
 use limpid::aov::{self, Aov, Channel, Part};
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
-use limpid::look::Body;
+use limpid::look::{Body, Framing};
 use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingRadiance};
 use limpid::wgpu;

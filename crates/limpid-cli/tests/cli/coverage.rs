@@ -39,7 +39,7 @@ fn cut_outs_fit_over_what_is_behind_them() {
     let folder = folder();
     let at = |name: &str| folder.path().join(name);
     let draw = |arguments: &[&str]| {
-        render(folder.path(), &[&["ball.csv", "--radius=0.012"][..], arguments].concat())
+        render(folder.path(), &[&["ball.csv", "--radius=0.012"][..], arguments].concat());
     };
     write_ball(&at("ball.csv"), "", "");
     fs::write(at("white.toml"), format!("{WHITE}{CAMERA}")).unwrap();

@@ -33,7 +33,7 @@ fn draw_thread_and_offscreen_draw_the_same_bits() {
          [[solid.key]]\nframe = 40\ntranslate = [0.5, 0, 0]\n"
     );
     std::fs::write(&file, text).expect("a scene");
-    let input = Input::open(&file.to_string_lossy()).expect("the frames are there");
+    let input = Input::open(file).expect("the frames are there");
     let (input, project) = input.resolve().expect("it resolves");
     let scene = &project.scene;
     let gpu = Gpu::headless().expect("an adapter");

@@ -261,7 +261,7 @@ fn missing_ranks() {
         let opened = open(folder.path(), pattern);
         match missing {
             None => {
-                assert_eq!(read_frame(&opened.expect("frames")).particles.len(), 3 * present.len())
+                assert_eq!(read_frame(&opened.expect("frames")).particles.len(), 3 * present.len());
             }
             Some(part) => {
                 let error = opened.expect_err("incomplete").to_string();

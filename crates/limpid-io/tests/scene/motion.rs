@@ -53,12 +53,12 @@ fn write(folder: &TempDir, solids: &str) -> String {
 }
 
 fn open(folder: &TempDir, solids: &str) -> (Input, Project) {
-    Input::open(&write(folder, solids)).expect("a scene").resolve().expect("particles")
+    Input::open(write(folder, solids)).expect("a scene").resolve().expect("particles")
 }
 
 #[track_caller]
 fn error(folder: &TempDir, solids: &str) -> String {
-    Input::open(&write(folder, solids)).expect_err("a mistake").to_string()
+    Input::open(write(folder, solids)).expect_err("a mistake").to_string()
 }
 
 /// A time from 0 to 4, between two frames if it is not whole.
