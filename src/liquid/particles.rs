@@ -71,7 +71,7 @@ impl Particles {
     }
 
     /// Creates particles without other attributes from world positions. The origin is 0, or the centre
-    /// of the [bulk](super::bulk::bulk) if that is farther from 0 than 16 times its longest side, where 32-bit
+    /// of the [bulk] if that is farther from 0 than 16 times its longest side, where 32-bit
     /// floats would lose precision. Positions that are not finite do not count for it.
     pub fn from_places(places: &[DVec3]) -> Self {
         let finite: Vec<DVec3>;
