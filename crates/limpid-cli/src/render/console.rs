@@ -55,8 +55,12 @@ impl Console {
         self.bar.suspend(|| terminal::remark(line));
     }
 
+    /// Whether a notice of this kind has been printed.
+    fn has_told(&self, notice: &Notice) -> bool {
+        self.printed.contains(&discriminant(notice))
+    }
+
     pub(super) fn notice(&mut self, notice: &Notice) {
-        let kind = discriminant(notice);
         if let Notice::Incomplete(remark) = notice {
             if !self.incomplete.contains(remark) {
                 self.incomplete.push(remark.clone());
@@ -69,8 +73,8 @@ impl Console {
                 self.remarked.push(subject);
                 self.line(&remedy::of_notice(notice));
             }
-        } else if !self.printed.contains(&kind) {
-            self.printed.push(kind);
+        } else if !self.has_told(notice) {
+            self.printed.push(discriminant(notice));
             self.told_why_empty |= matches!(notice, Notice::Dots(_) | Notice::Unseen { .. });
             self.line(&remedy::of_notice(notice));
         }
@@ -100,8 +104,13 @@ impl Console {
         } else {
             notice::of_reading(loaded).iter().for_each(|notice| self.notice(notice));
         }
-        if let Some(notice) = notice::of_view(loaded, camera, size, camera_up) {
-            self.notice(&notice);
+        match notice::of_view(loaded, camera, size, camera_up) {
+            // The spacing has told why they are so small.
+            Some(Notice::Dots(_)) if self.has_told(&Notice::Scattered(0.0)) => {
+                self.told_why_empty = true;
+            }
+            Some(notice) => self.notice(&notice),
+            None => {}
         }
     }
 
