@@ -49,6 +49,7 @@ pub mod frames;
 pub mod input;
 pub mod meshes;
 pub mod notice;
+mod number;
 pub mod open;
 pub mod output;
 pub mod overlay;

@@ -16,6 +16,8 @@ use limpid::liquid::classify::{self, Splat};
 use limpid::liquid::{Particles, Up};
 use limpid::scene::Scene;
 
+pub use crate::number::thousands;
+
 /// A notice. Its text is one line, without a remedy in terms of a program's options.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
@@ -187,14 +189,6 @@ fn rounded(x: DVec3, precision: f64) -> String {
         format!("{x}")
     };
     x.to_array().map(number).join(",")
-}
-
-/// Formats a number with thousands separators: `40,368`.
-pub fn thousands(number: usize) -> String {
-    let digits = number.to_string();
-    let comma = |at: usize| at > 0 && (digits.len() - at).is_multiple_of(3);
-    let digit = |(at, digit)| if comma(at) { vec![',', digit] } else { vec![digit] };
-    digits.chars().enumerate().flat_map(digit).collect()
 }
 
 /// The notice about a sequence of which all frames are drawn.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::mem::{Discriminant, discriminant};
 
-use crate::notice::thousands;
+use crate::number::thousands;
 
 /// A remark on the contents of a particle file. Its text is one line, without a remedy in terms of a program's
 /// options.
