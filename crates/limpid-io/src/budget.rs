@@ -5,8 +5,14 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use crate::error::{Error, Location, Result, Unpacked};
-use crate::files::unpacked_limit;
-use crate::output::Identity;
+use crate::identity::Identity;
+
+/// Default memory limit of a file of `packed` bytes, in bytes: a hundred times its length, at least 1
+/// GiB and at most 16 GiB. Simulators' files hardly compress to half their size, so larger ratios are
+/// crafted.
+pub fn unpacked_limit(packed: u64) -> u64 {
+    packed.saturating_mul(100).clamp(1 << 30, 16 << 30)
+}
 
 /// What may be made of one document: a file together with all files that it lists, unpacked, and what is read from
 /// them. Parts share it, so that no list makes more of small files than one file may.

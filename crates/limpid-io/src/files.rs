@@ -21,6 +21,7 @@ mod system;
 #[cfg(target_arch = "wasm32")]
 use given as system;
 
+pub use crate::budget::unpacked_limit;
 pub use system::{File, Metadata, is_file, metadata, names_in};
 
 /// Largest size of scenes, camera paths and suites, bytes. They are written by hand.
@@ -28,13 +29,6 @@ const TEXT_LIMIT: u64 = 64 << 20;
 
 /// Largest compression ratio of deflate.
 pub const DEFLATE_RATIO: u64 = 1032;
-
-/// Default memory limit of a file of `packed` bytes, in bytes: a hundred times its length, at least 1
-/// GiB and at most 16 GiB. Simulators' files hardly compress to half their size, so larger ratios are
-/// crafted.
-pub fn unpacked_limit(packed: u64) -> u64 {
-    packed.saturating_mul(100).clamp(1 << 30, 16 << 30)
-}
 
 /// Limits of what decoding a picture may allocate, whatever size it declares: as many 32-bit floats as
 /// the formats can compress into its bytes, of which deflate compresses the most.

@@ -46,6 +46,7 @@ pub mod film;
 mod floor;
 pub mod frame_cache;
 pub mod frames;
+mod identity;
 pub mod input;
 pub mod meshes;
 pub mod notice;

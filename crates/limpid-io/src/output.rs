@@ -21,8 +21,8 @@ use tempfile::NamedTempFile;
 use crate::error::{Error, Result};
 use crate::pattern::placeholder;
 
+pub use crate::identity::folder_of;
 pub use stream::{Pipe, Stream, interrupt};
-pub(crate) use target::Identity;
 pub use target::{FileKind, Files, check_folder};
 
 /// Prefix of the names of temporary files.
@@ -153,14 +153,6 @@ fn link_target(path: &Path) -> PathBuf {
     match path.is_symlink() {
         true => path.canonicalize().unwrap_or_else(|_| path.to_owned()),
         false => path.to_owned(),
-    }
-}
-
-/// The folder that a file is in, or would be.
-pub fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
     }
 }
 

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::budget::Budget;
 use crate::error::{Error, Result};
+use crate::identity::folder_of;
 use crate::particles::{
     Contents, ReadOptions, Remark, Section, extensions, is_particles, particles_in, pieces,
     readable_stem, trajectory,
@@ -630,12 +631,6 @@ fn absent(path: &Path, error: std::io::Error) -> Error {
         Some((_, other)) => described(format!("no such file; `{other}` is there")),
         None => Error::io(path, "read", error),
     }
-}
-
-/// The folder of a file: the working directory for a bare name.
-fn folder_of(path: &Path) -> &Path {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    parent.unwrap_or(Path::new("."))
 }
 
 /// Whether the name of a file is text.

@@ -5,9 +5,10 @@ use std::collections::HashSet;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-use super::{Temporary, folder_of};
+use super::Temporary;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::identity::{Identity, folder_of};
 
 /// The kind of an output file. An existing file is replaced only if its contents are of the same kind,
 /// or if it is empty.
@@ -187,35 +188,6 @@ pub struct Files {
     read: HashSet<Identity>,
     written: HashSet<Identity>,
     folders: HashSet<PathBuf>,
-}
-
-/// The identity of a file: equal for all paths to it, by links of both kinds, also before it exists.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub(crate) enum Identity {
-    #[cfg(unix)]
-    Inode(u64, u64),
-    Path(PathBuf),
-}
-
-impl Identity {
-    /// `None` for anything but a regular file: several outputs may share a device.
-    pub(crate) fn of(path: &Path) -> Option<Self> {
-        match path.metadata() {
-            Ok(metadata) if !metadata.is_file() => None,
-            #[cfg(unix)]
-            Ok(metadata) => {
-                use std::os::unix::fs::MetadataExt as _;
-                Some(Self::Inode(metadata.dev(), metadata.ino()))
-            }
-            #[cfg(not(unix))]
-            Ok(_) => Some(Self::Path(path.canonicalize().unwrap_or_else(|_| path.to_owned()))),
-            Err(_) => {
-                let folder = folder_of(path);
-                let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-                Some(Self::Path(folder.join(path.file_name()?)))
-            }
-        }
-    }
 }
 
 impl Files {

@@ -11,8 +11,7 @@ use limpid::memory;
 use super::ReadOptions;
 use super::labelled::canonical;
 use super::remark::Remark;
-use super::table::{Column, Table};
-use super::usable::Unplaced;
+use super::table::{Column, Table, Unplaced};
 use super::{Attribute, AttributeMap, Particles, Reading};
 use crate::error::{Error, Result, printable};
 

@@ -6,10 +6,11 @@ use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 
-use super::labelled::{POSITION, canonical, float, vector_among};
+use super::labelled::{POSITION, canonical, vector_among};
 use super::{Format, extxyz, foam, format_of, kinds, unknown_kind};
 use crate::error::{Error, Result};
 use crate::files;
+use crate::number::float;
 
 /// The format of a file.
 pub(super) struct Found {

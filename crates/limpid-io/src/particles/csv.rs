@@ -13,9 +13,10 @@ use std::path::Path;
 use csv::{ByteRecord, ReaderBuilder, Trim};
 use glam::DVec3;
 
-use super::labelled::{Layout, float, position_among};
+use super::labelled::{Layout, position_among};
 use super::{AttributeMap, Contents, Cursor, Particles, Reading, Values, foreign, known_magic};
 use crate::error::Result;
+use crate::number::float;
 use limpid::liquid::particles::origin_for;
 use limpid::memory;
 

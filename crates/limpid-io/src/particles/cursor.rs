@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::labelled::float;
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
+use crate::number::float;
 
 /// The bytes of a file, and the kind of its locations in messages.
 #[derive(Clone, Copy)]

@@ -8,6 +8,7 @@ use super::table::NO_ID;
 use super::values::ELLIPSOID_COLUMNS;
 use super::{Attribute, AttributeMap, Column, Contents, Reading, Scalar, Table};
 use crate::error::{Error, Result};
+use crate::number::float;
 use limpid::memory;
 
 /// Names of positions, before the axis.
@@ -19,18 +20,6 @@ pub(super) fn canonical(label: &str) -> String {
     let name = label.to_ascii_lowercase();
     let end = [" [", " ("].iter().filter_map(|unit| name.find(unit)).min();
     name[..end.unwrap_or(name.len())].trim().to_owned()
-}
-
-/// Parses a number. NaN is written in many ways: pandas leaves the field empty, and Microsoft's library writes
-/// `1.#QNAN`, `-1.#IND`, `-nan(ind)`.
-pub(super) fn float(field: &[u8]) -> Option<f64> {
-    let text = std::str::from_utf8(field).ok()?;
-    let not_a_number = || {
-        let empty = text.is_empty();
-        let text = text.trim_start_matches(['+', '-']).to_ascii_lowercase();
-        empty || text.starts_with("1.#") || text.starts_with("nan(") || text == "none"
-    };
-    text.parse().ok().or_else(|| not_a_number().then_some(f64::NAN))
 }
 
 /// Parses an integer, which may be written as a float; returns its bytes, or those of [`NO_ID`] for another

@@ -1,18 +1,29 @@
 //! Decoding of fixed-size records of any layout to attributes.
 
 use std::borrow::Cow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::cursor::{Cursor, FileBytes};
-use super::usable::Unplaced;
 use super::{Contents, Particles};
 use crate::error::{Error, Location, Result};
 use limpid::camera::is_position;
 use limpid::memory;
+
+/// The first particle of a file that has no position.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Unplaced {
+    /// The file, or the array of an archive.
+    pub(super) path: PathBuf,
+    pub(super) location: Location,
+    /// Its number, from 0.
+    pub(super) row: usize,
+    /// What is there instead.
+    pub(super) position: Vec3,
+}
 
 /// Types of numbers in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 //! by NaN, and others diverge. Numbers of attributes that cannot be used are replaced, or the attribute is left
 //! out; each of these is a [`Remark`].
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::Vec3;
 use limpid::liquid::Ellipsoid;
@@ -10,25 +10,13 @@ use limpid::liquid::Ellipsoid;
 #[cfg(doc)]
 use super::ReadOptions;
 use super::remark::Remark;
-use super::table::NO_ID;
+use super::table::{NO_ID, Unplaced};
 use super::{Attribute, AttributeMap, Contents, Reading};
-use crate::error::{Error, Location, Result};
+use crate::error::{Error, Result};
 
 /// Largest share of particles without a position, or of numbers that cannot be used, in a file that is not
 /// taken to be damaged.
 const LARGEST_SHARE: f64 = 0.5;
-
-/// The first particle of a file that has no position.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Unplaced {
-    /// The file, or the array of an archive.
-    pub(super) path: PathBuf,
-    pub(super) location: Location,
-    /// Its number, from 0.
-    pub(super) row: usize,
-    /// What is there instead.
-    pub(super) position: Vec3,
-}
 
 impl Contents {
     /// Leaves out the particles that are not selected, those without a position, and what cannot be used of the

@@ -30,10 +30,10 @@ use self::encoded::{Compressor, Encoded, Packed};
 use super::vtk::{at_points, is_permutation, is_point};
 use super::{
     Column, Contents, FileBytes, MOST_LISTED, POSITION_BYTES, Reading, Scalar, Table, foreign,
-    labelled,
 };
 use crate::budget::Budget;
 use crate::error::{Error, Result};
+use crate::number;
 use limpid::memory;
 
 pub(crate) use write::write;
@@ -482,7 +482,7 @@ impl<'a> Document<'a> {
         for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
             let word = String::from_utf8_lossy(word);
             let bytes = if float {
-                labelled::float(word.as_bytes()).map(f64::to_bits)
+                number::float(word.as_bytes()).map(f64::to_bits)
             } else {
                 word.parse().ok().map(i64::cast_unsigned)
             };
