@@ -8,7 +8,7 @@ use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, UVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::liquid::Up;
+use crate::up_axis::Up;
 
 /// A camera that is aimed at a point. View space is x right, y up, looking down −z.
 ///

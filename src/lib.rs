@@ -84,6 +84,7 @@ pub mod passes;
 pub mod renderer;
 pub mod scene;
 pub mod settings;
+mod up_axis;
 mod view_range;
 
 pub use error::{Error, Result};

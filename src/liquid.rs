@@ -9,7 +9,8 @@ mod ellipsoid;
 pub mod particles;
 mod up;
 
+pub use crate::up_axis::Up;
 pub use bulk::Bulk;
 pub use ellipsoid::Ellipsoid;
-pub use particles::{Particles, Up};
+pub use particles::Particles;
 pub use up::likely_up;

@@ -1,12 +1,10 @@
 //! One frame of particles.
 
-use std::fmt;
-
 use glam::{DVec3, Vec3};
-use serde::{Deserialize, Serialize};
 
 use super::bulk::{Bulk, bounds, bulk, holds};
 use super::ellipsoid::Ellipsoid;
+use crate::up_axis::Up;
 
 /// One frame of particles as a structure of arrays: every attribute that is present has one entry
 /// per particle, and every number is finite.
@@ -32,36 +30,6 @@ pub struct Particles {
     /// Whether the particles fill only a hull of the liquid, as those of the recipe `pool`: the space that they
     /// enclose is liquid too.
     pub is_hull: bool,
-}
-
-/// The up axis of a file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Up {
-    /// y, as in limpid, Houdini and most simulators.
-    #[default]
-    Y,
-    /// z, as in Blender and CAD.
-    Z,
-}
-
-impl Up {
-    /// A place or a direction of a world where this axis points up, in the world of y up: a quarter turn about x, which
-    /// preserves handedness.
-    pub fn to_y_up(self, x: DVec3) -> DVec3 {
-        if self == Self::Z { DVec3::new(x.x, x.z, -x.y) } else { x }
-    }
-
-    /// The inverse of [`Up::to_y_up`].
-    pub fn from_y_up(self, x: DVec3) -> DVec3 {
-        if self == Self::Z { DVec3::new(x.x, -x.z, x.y) } else { x }
-    }
-}
-
-impl fmt::Display for Up {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if *self == Self::Z { "z" } else { "y" })
-    }
 }
 
 impl Particles {

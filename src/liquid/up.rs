@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::bulk::sample;
-use super::particles::{Particles, Up};
+use super::particles::Particles;
+use crate::up_axis::Up;
 
 /// Share of the columns above which an end of the liquid is level.
 const LEVEL: f64 = 0.85;
