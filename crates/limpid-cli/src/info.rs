@@ -35,7 +35,7 @@ struct Info {
     stride: Option<u64>,
     /// The axis that points up in the files; what is described has y up.
     up: String,
-    /// What says so: option, scene, flat, guessed, default, or the name of a program.
+    /// The rule that decided: option, scene, flat, guessed, default, or the name of a program.
     up_from: &'static str,
     /// Whether z points up and neither an option nor a scene says so.
     turned: bool,
@@ -57,7 +57,7 @@ struct FrameInfo {
     attributes: Vec<&'static str>,
     /// Arrays of the file other than the positions.
     arrays: Vec<ArrayInfo>,
-    /// What was left out of the file, or understood in a way of its own.
+    /// Remarks on the file.
     remarks: Vec<String>,
     /// m; estimated from the spacing unless given; `None` for a single particle.
     radius: Option<f32>,

@@ -445,7 +445,7 @@ struct FrameLoop<'a> {
     /// Classifies the particles.
     classifier: SharedClassifier,
     output: Output,
-    /// What is drawn over the pictures.
+    /// Scale bar and axes of the pictures.
     overlay: Overlay,
     stats: Stats,
     console: Console,

@@ -250,7 +250,7 @@ fn open(args: &Args, sources: &[PathBuf], size: UVec2) -> limpid_io::Result<Vec<
 }
 
 /// One clock for all inputs: by their times, from the first frame of each, if these differ, and else by their frames'
-/// numbers. One that has ended holds its last frame, and a single frame stands still.
+/// numbers. A shorter input holds its last frame, and a single frame stands still.
 fn clock(args: &Args, inputs: &[&Input], sources: &[PathBuf]) -> limpid_io::Result<Clock> {
     let frames = inputs.iter().zip(sources).map(|(input, source)| {
         let numbers = plan::spec(args, input).numbers(&input.sequence, input.missing);

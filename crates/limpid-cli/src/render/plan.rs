@@ -35,7 +35,7 @@ pub(super) struct Plan {
     pub(super) notices: Vec<Notice>,
     /// The axis that points up where the camera was given.
     pub(super) camera_up: Up,
-    /// What is drawn over the pictures.
+    /// Scale bar and axes of the pictures.
     pub(super) overlay: Overlay,
 }
 
@@ -64,7 +64,7 @@ impl Plan {
     }
 }
 
-/// What to open for an input, which may be standard input.
+/// The request for an input, which may be standard input.
 pub(super) fn request(args: &Args, input: Option<PathBuf>, framing: Framing) -> Request {
     // In this order, since later overrides replace earlier ones.
     let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
@@ -87,7 +87,7 @@ pub(super) fn request(args: &Args, input: Option<PathBuf>, framing: Framing) -> 
     }
 }
 
-/// What is drawn over the pictures of an input.
+/// Scale bar and axes of the pictures of an input.
 pub(super) fn overlay(args: &Args, input: &Input) -> Overlay {
     let middle = input.body().map(|body| 0.5 * (body.bounds.0 + body.bounds.1));
     Overlay { scale_bar: middle.filter(|_| args.scale_bar), axes: args.axes.then(|| input.up().0) }
