@@ -84,7 +84,7 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
             format!("if it is the diameter: --map 'diameter={array}'")
         }
         Notice::MaybeRadius(array) => format!("if it is the radius: --map radius={array}"),
-        Notice::Crowded(_) | Notice::Scattered(_) => {
+        Notice::Crowded(_) | Notice::Scattered(_) | Notice::Vanishing(_) => {
             "if the places are not in metres: --scale 0.001 for millimetres; if the radius is wrong: --radius".into()
         }
         Notice::Opaque(_) => "if these are millimetres: --scale 0.001".into(),

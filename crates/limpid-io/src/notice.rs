@@ -49,6 +49,8 @@ pub enum Notice {
     Crowded(f32),
     /// The particles are much farther apart than their given radius, m.
     Scattered(f32),
+    /// As [`Self::Scattered`], where the drops are too small for any pixel, as [`Self::Dots`] are.
+    Vanishing(f32),
     /// The liquid is so large that it is nearly opaque: its unit may be millimetres. The longest side of
     /// the box around the bulk of the particles, m.
     Opaque(f64),
@@ -140,6 +142,10 @@ impl fmt::Display for Notice {
                 f,
                 "the particles are much farther apart than their radius of {radius} m, and each is drawn as a \
                  drop of its own"
+            ),
+            Self::Vanishing(radius) => write!(
+                f,
+                "no liquid is visible: the particles are much farther apart than their radius of {radius} m"
             ),
             Self::Opaque(extent) => {
                 write!(f, "the particles extend over {extent:.0} m; at this size the liquid is opaque")

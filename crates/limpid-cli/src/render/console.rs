@@ -75,7 +75,8 @@ impl Console {
             }
         } else if !self.has_told(notice) {
             self.printed.push(discriminant(notice));
-            self.told_why_empty |= matches!(notice, Notice::Dots(_) | Notice::Unseen { .. });
+            self.told_why_empty |=
+                matches!(notice, Notice::Dots(_) | Notice::Vanishing(_) | Notice::Unseen { .. });
             self.line(&remedy::of_notice(notice));
         }
     }
@@ -96,19 +97,21 @@ impl Console {
         if loaded.particles == 0 {
             return notice::of_reading(loaded).iter().for_each(|notice| self.notice(notice));
         }
+        let in_view = notice::of_view(loaded, camera, size, camera_up);
+        let of_frame = |notice| match (notice, &in_view) {
+            (Notice::Scattered(radius), Some(Notice::Dots(_))) => Notice::Vanishing(radius),
+            (notice, _) => notice,
+        };
         if !self.described {
             self.described = true;
             self.line(&describe(loaded, adapter));
-            let notices = notice::of_frame(loaded, scene).into_iter();
+            let notices = notice::of_frame(loaded, scene).into_iter().map(of_frame);
             notices.chain(notice::of_scene(scene)).for_each(|notice| self.notice(&notice));
         } else {
             notice::of_reading(loaded).iter().for_each(|notice| self.notice(notice));
         }
-        match notice::of_view(loaded, camera, size, camera_up) {
-            // The spacing has told why they are so small.
-            Some(Notice::Dots(_)) if self.has_told(&Notice::Scattered(0.0)) => {
-                self.told_why_empty = true;
-            }
+        match in_view {
+            Some(Notice::Dots(_)) if self.has_told(&Notice::Vanishing(0.0)) => {}
             Some(notice) => self.notice(&notice),
             None => {}
         }
