@@ -240,38 +240,25 @@ fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
     let mut placed = Vec::new();
     let mut layer = 0;
     for (light, views) in lights.iter().enumerate() {
-        let straight = views.straight.len() as u32;
+        let place = |view, slot, layer, corner| PlacedView {
+            view,
+            light,
+            slot,
+            straight: views.straight.len() as u32,
+            layer,
+            corner,
+            wet: slot > 0 && views.wet,
+            direct_only: slot > 0 && views.map.is_some(),
+        };
         if let Some(view) = views.map {
-            let (slot, corner) = (0, UVec2::ZERO);
-            let (wet, direct_only) = (false, false);
-            placed.push(PlacedView {
-                view,
-                light,
-                slot,
-                straight,
-                layer,
-                corner,
-                wet,
-                direct_only,
-            });
+            placed.push(place(view, 0, layer, UVec2::ZERO));
             layer += 1;
         }
         let before = placed.len();
         for (i, view) in (0..).zip(&views.straight) {
             let Some(view) = *view else { continue };
             let corner = UVec2::new(i % 3, i / 3) * (resolution / 3);
-            let slot = 1 + i as usize;
-            let (wet, direct_only) = (views.wet, views.map.is_some());
-            placed.push(PlacedView {
-                view,
-                light,
-                slot,
-                straight,
-                layer,
-                corner,
-                wet,
-                direct_only,
-            });
+            placed.push(place(view, 1 + i as usize, layer, corner));
         }
         layer += u32::from(placed.len() > before);
     }
