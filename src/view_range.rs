@@ -52,26 +52,25 @@ pub(crate) fn from_near_by(
         let depth = (from_eye + Vec3::from_array(splat.centre).as_dvec3()).dot(ahead);
         (depth - splat.longest(), depth + splat.longest())
     };
-    if splats.aggregates.is_empty() && splats.splashes.is_empty() {
-        return Ok(view);
-    }
-    let all = splats.aggregates.par_iter().chain(&splats.splashes).map(ends);
-    let wider = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
-    let liquid = all.reduce(|| (f64::INFINITY, f64::NEG_INFINITY), wider);
-    let middle = 0.5 * (liquid.0 + liquid.1);
     let (radius, pixels) = (f64::from(splats.radius), size.as_dvec2());
-    let (half, shift) = view.borders(size);
-    let length = radius.max(view.pixel_side(size, middle));
-    if liquid.0 <= 0.0 || middle <= RESOLVED.start * length {
+    let length = |depth: f64| radius.max(view.pixel_side(size, depth));
+    let all = || splats.aggregates.iter().chain(&splats.splashes).map(ends);
+    let is_resolved = |(nearest, _)| nearest <= 0.0 || nearest <= RESOLVED.start * length(nearest);
+    // In a usual view the first one is.
+    if all().next().is_none() || all().any(is_resolved) {
         return Ok(view);
     }
+    let wider = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+    let liquid = all().fold((f64::INFINITY, f64::NEG_INFINITY), wider);
+    let middle = 0.5 * (liquid.0 + liquid.1);
+    let (half, shift) = view.borders(size);
     let (mut shown, mut first, mut begins_behind) = (liquid, liquid.0, false);
     for solid in &scene.solids {
         let Some(depths) = depths_of(solid, &view, (half, shift)) else { continue };
         let pattern = within_fade(solid, &view, depths, FADED);
         first = first.min(pattern.0);
         // Rays from near by would see what lies beneath a ground that they have met long before.
-        begins_behind |= depths.0 < pattern.0;
+        begins_behind |= depths.0 < pattern.0 && !hides_nothing(solid, &view, scene, splats);
         shown = wider(shown, within_fade(solid, &view, depths, PATTERN));
     }
     let displaced = 0.5 * (pixels * (half + shift.abs()) / half).max_element();
@@ -79,10 +78,11 @@ pub(crate) fn from_near_by(
     let apart = if begins_behind { f64::INFINITY } else { apart };
     let parallel = view.is_orthographic() && !begins_behind;
     if !parallel && displaced * apart > DISPLACED * middle {
-        if middle <= RESOLVED.end * length {
+        let most = RESOLVED.end * length(middle);
+        if middle <= most {
             return Ok(view);
         }
-        let (most, least) = (RESOLVED.end * length, displaced * apart / DISPLACED);
+        let least = displaced * apart / DISPLACED;
         let farther = match least.is_finite() {
             true => format!(", or farther than {least:.1e} m"),
             false => String::new(),
@@ -160,6 +160,24 @@ fn within_fade(solid: &Solid, view: &View, (near, far): (f64, f64), fades: f64) 
     let middle = (*origin - view.eye).dot(view.ahead());
     let reach = fades * f64::from(*fade);
     (near.clamp(middle - reach, middle + reach), far.clamp(middle - reach, middle + reach))
+}
+
+/// Whether a fading ground hides nothing from rays that meet it far in front of the liquid, where it has faded into the
+/// environment: they lead down, and neither a particle nor another solid is beneath it.
+fn hides_nothing(ground: &Solid, view: &View, scene: &Scene, splats: &Splats) -> bool {
+    let Shape::Plane { origin, normal, .. } = ground.shape else { return false };
+    let normal = normal.as_dvec3();
+    let up = normal * (view.eye - origin).dot(normal).signum();
+    // A particle's radius, for what stands on it.
+    let is_above = |place: DVec3| (place - origin).dot(up) >= -f64::from(splats.radius);
+    let is_solid_above = |solid: &Solid| match solid.shape.corners() {
+        Some(corners) => corners.into_iter().all(is_above),
+        None => std::ptr::eq(solid, ground),
+    };
+    let place = |splat: &Splat| splats.origin + Vec3::from_array(splat.centre).as_dvec3();
+    view.ahead().dot(up) <= 0.0
+        && scene.solids.iter().all(is_solid_above)
+        && splats.aggregates.iter().chain(&splats.splashes).map(place).all(is_above)
 }
 
 /// Moves a default near plane in front of the liquid, if the eye is outside the liquid but nearer to

@@ -213,6 +213,32 @@ fn far_cameras_show_what_near_ones_do() {
     }
 }
 
+/// A telephoto near the ground shows from very far away what parallel rays show from near by: the ground that it meets long
+/// before the liquid has faded into the environment.
+#[test]
+fn far_cameras_look_over_a_ground_that_fades() {
+    let Some(mut harness) = harness() else { return };
+    let (mut scene, camera, splats) = tank(HERE);
+    let (even, odd) = (Vec3::splat(0.8), Vec3::splat(0.2));
+    scene.solids[0].surface = Surface::Ground { tile: 0.25, even, odd, fade: 6.0 };
+    scene.solids.truncate(1);
+    let height = 2.2;
+    let mut draw = |eye: DVec3| {
+        let fov_y = 2.0 * (0.5 * height / (eye - camera.target).length()).atan().to_degrees();
+        harness.render(&scene, &Camera { eye, fov_y: fov_y as f32, ..camera }, &splats, SIZE)
+    };
+    // Higher than the target by a hand, as someone who looks across a plain.
+    let across = |distance: f64| camera.target + DVec3::new(0.0, 0.1, distance);
+    // At 8e4 radii, depths have noise.
+    let near = draw(across(2e3));
+    let far = draw(across(1e6));
+    for (name, other, distance, limit) in [("near", &near, 1e6, 0.07), ("far", &far, 1e7, 6e-3)] {
+        let (flip, most, changed) = difference(other, &draw(across(distance)));
+        println!("{name}, {distance} m: mean FLIP {flip:.2e}, at most {most}, {changed:.2e}");
+        assert!(flip < limit, "{name}, {distance} m: mean FLIP {flip:.2e}");
+    }
+}
+
 /// Where parallel rays would show something else, as a horizon, the camera is refused with its limit, and not where
 /// the particles are resolved.
 #[test]
