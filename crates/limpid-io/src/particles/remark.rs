@@ -194,7 +194,7 @@ impl fmt::Display for Remark {
             }
             Self::Unplaced { unplaced, particles, first } => write!(
                 f,
-                "{} of {} particles have no finite position and are left out (the first: particle {first})",
+                "{} of {} particles have no finite position below 1e18 and are left out (the first: particle {first})",
                 thousands(*unplaced),
                 thousands(*particles)
             ),

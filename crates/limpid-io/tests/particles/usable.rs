@@ -52,8 +52,7 @@ fn attributes_stay_with_their_particles() {
     assert_eq!(particles.radii, Some(vec![0.1, 0.3, 0.5]));
     // Ids that are no integers leave the ids out, of whatever particles they are.
     assert_eq!(particles.ids, Some(vec![10, 12, 14]));
-    let expected =
-        "2 of 5 particles have no finite position and are left out (the first: particle 1)";
+    let expected = "2 of 5 particles have no finite position below 1e18 and are left out (the first: particle 1)";
     assert_eq!(remarks(&found), [expected]);
 }
 
