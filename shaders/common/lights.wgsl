@@ -68,32 +68,23 @@ fn light_from(light: Light, x: vec3f) -> ToLight {
 // a texel and of the receiver's slope across it.
 const SAME_RECEIVER: f32 = 0.5;
 
-// Lookup of a point in a light's view.
-struct Passed {
-    dry: f32,      // share of direct light that no liquid blocks
-    by_map: vec3f, // irradiance of the map over pi
-}
-
 // Irradiance over pi at x on a surface of normal n, for a light whose direct irradiance over pi there
 // is `direct`. The map replaces direct light that liquid blocks. Blocking is tested in a view along
 // the unrefracted light: the map's view may look along refracted light, and below bodies without
 // walls.
 fn light_with_liquid(index: u32, x: vec3f, n: vec3f, direct: vec3f) -> vec3f {
     let sun = lights[index].kind == SUN;
+    let map = VIEWS * index;
     if !STRAIGHT_VIEWS {
-        let passed = passed_by_view(VIEWS * index, sun, x, n);
-        return passed.dry * direct + passed.by_map;
+        return dry_share(map, sun, x) * direct + light_of_map(map, sun, x, n);
     }
     let straight = lights[index].straight;
-    var view = VIEWS * index + min(straight, 1u);
+    var view = map + min(straight, 1u);
     if straight == CUBE {
         view += cube_face(x - lights[index].place);
     }
-    var passed = passed_by_view(view, sun, x, n);
-    if straight > 0u && lights[index].map == 1u {
-        passed.by_map = passed_by_view(VIEWS * index, sun, x, n).by_map;
-    }
-    return passed.dry * direct + passed.by_map;
+    let with_light = select(view, map, lights[index].map == 1u);
+    return dry_share(view, sun, x) * direct + light_of_map(with_light, sun, x, n);
 }
 
 // Cube face that a direction points at: +x, -x, +y, -y, +z, -z.
@@ -104,8 +95,19 @@ fn cube_face(d: vec3f) -> u32 {
     return 2u * along + select(0u, 1u, component < 0.0);
 }
 
-fn passed_by_view(index: u32, sun: bool, x: vec3f, n: vec3f) -> Passed {
-    let light = light_views[index];
+// A point in a light's view, between four texels.
+struct InView {
+    inside: bool,
+    omega: vec3f,
+    disparity: f32,
+    first: vec2f, // texel
+    f: vec2f,     // share of the way to the last one
+}
+
+// Texels around a point of a view.
+const AROUND: i32 = 4;
+
+fn in_light_view(light: LightView, sun: bool, x: vec3f) -> InView {
     let from_origin = x - light.origin;
     let view = vec3f(dot(from_origin, light.right), dot(from_origin, light.up), dot(from_origin, light.back));
     let half = vec2f(light.half_width, light.half_height);
@@ -113,32 +115,57 @@ fn passed_by_view(index: u32, sun: bool, x: vec3f, n: vec3f) -> Passed {
     let across = select(view.xy / -view.z, view.xy, sun);
     let disparity = select(1.0 / -view.z, light.far + view.z, sun);
     let u = (vec2f(across.x, -across.y) / half * 0.5 + 0.5) * size;
-    if (!sun && view.z >= 0.0) || !all(u >= vec2f(0.0)) || !all(u < size) {
-        return Passed(1.0, vec3f(0.0));
+    let inside = (sun || view.z < 0.0) && all(u >= vec2f(0.0)) && all(u < size);
+    let first = floor(u - 0.5);
+    return InView(inside, vec3f(across, -1.0), disparity, first, u - 0.5 - first);
+}
+
+// One of the texels around a point of a light's view, in the maps, with its bilinear weight.
+struct NearTexel {
+    at: vec2i,
+    weight: f32,
+}
+
+fn near_texel(light: LightView, point: InView, i: i32) -> NearTexel {
+    let corner = vec2f(f32(i & 1), f32(i >> 1u));
+    let inside = clamp(point.first + corner, vec2f(0.0), vec2f(light.width, light.height) - 1.0);
+    let share = mix(1.0 - point.f, point.f, corner);
+    return NearTexel(vec2i(light.corner) + vec2i(inside), max(share.x * share.y, 1e-6));
+}
+
+// Share of direct light at x that no liquid blocks in a view; 1 outside of it. Drivers skip a loop without rounds, where
+// they would run through a branch.
+fn dry_share(index: u32, sun: bool, x: vec3f) -> f32 {
+    let light = light_views[index];
+    let point = in_light_view(light, sun, x);
+    var dry = 0.0;
+    for (var i = 0; i < select(0, AROUND, point.inside); i++) {
+        let texel = near_texel(light, point, i);
+        let front = textureLoad(caustic_receivers, texel.at, light.layer, 0).w;
+        dry += select(0.0, texel.weight, front <= point.disparity);
     }
-    let omega = vec3f(across, -1.0);
-    let towards = select(-from_origin, light.back, sun);
-    let faces = dot(n, towards) > 0.0;
-    // Change of disparity over a depth difference of one texel side.
-    let texel = 2.0 * half.x / light.width * select(disparity, 1.0, sun);
-    let base = floor(u - 0.5);
-    let f = u - 0.5 - base;
+    return select(1.0, min(dry, 1.0), point.inside);
+}
+
+// Irradiance over pi of a view's map at x on a surface of normal n: of the texels on the same surface.
+fn light_of_map(index: u32, sun: bool, x: vec3f, n: vec3f) -> vec3f {
+    let light = light_views[index];
+    let point = in_light_view(light, sun, x);
+    let faces = dot(n, select(light.origin - x, light.back, sun)) > 0.0;
+    // Extent of a texel, and change of disparity over a depth difference of one side.
+    let texel_size = 2.0 * vec2f(light.half_width, light.half_height) / vec2f(light.width, light.height);
+    let side = texel_size.x * select(point.disparity, 1.0, sun);
     var sum = vec3f(0.0);
     var weight = 0.0;
-    var dry = 0.0;
-    for (var i = 0; i < 4; i++) {
-        let corner = vec2f(f32(i & 1), f32(i >> 1u));
-        let at = vec2i(light.corner) + vec2i(clamp(base + corner, vec2f(0.0), size - 1.0));
-        let receiver = textureLoad(caustic_receivers, at, light.layer, 0);
-        let share = mix(1.0 - f, f, corner);
-        let w = max(share.x * share.y, 1e-6);
-        dry += select(0.0, w, receiver.w <= disparity);
-        let slope = 2.0 * half / size * abs(receiver.xy);
-        let miss = abs(dot(receiver.xyz, omega) - disparity);
-        if faces && miss <= SAME_RECEIVER * (texel + slope.x + slope.y) {
-            sum += w * textureLoad(caustic_maps, at, light.layer, 0).rgb;
-            weight += w;
+    for (var i = 0; i < select(0, AROUND, point.inside && faces); i++) {
+        let texel = near_texel(light, point, i);
+        let receiver = textureLoad(caustic_receivers, texel.at, light.layer, 0).xyz;
+        let slope = texel_size * abs(receiver.xy);
+        let miss = abs(dot(receiver, point.omega) - point.disparity);
+        if miss <= SAME_RECEIVER * (side + slope.x + slope.y) {
+            sum += texel.weight * textureLoad(caustic_maps, texel.at, light.layer, 0).rgb;
+            weight += texel.weight;
         }
     }
-    return Passed(min(dry, 1.0), sum / (max(weight, 1e-20) * 3.14159265));
+    return sum / (max(weight, 1e-20) * 3.14159265);
 }
