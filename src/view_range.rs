@@ -88,8 +88,9 @@ pub(crate) fn from_near_by(
             false => String::new(),
         };
         let problem = format!(
-            "particles of a radius of {radius} m are {middle:.1e} m away, where 32-bit floats do not tell their front \
-             from their back; move it nearer than {most:.1e} m{farther}"
+            "particles of a radius of {} m are {middle:.1e} m away, where 32-bit floats do not tell their front \
+             from their back; move it nearer than {most:.1e} m{farther}",
+            splats.radius
         );
         return Err(Error::invalid("camera", problem));
     }

@@ -16,7 +16,7 @@ use limpid::liquid::classify::{self, Splat};
 use limpid::liquid::{Particles, Up};
 use limpid::scene::Scene;
 
-pub use crate::number::thousands;
+pub use crate::number::{brief, thousands};
 
 /// A notice. Its text is one line, without a remedy in terms of a program's options.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,6 +8,11 @@ pub fn thousands(number: usize) -> String {
     digits.chars().enumerate().flat_map(digit).collect()
 }
 
+/// A number with the digits that a message needs: four.
+pub fn brief(number: f32) -> f32 {
+    format!("{number:.3e}").parse().unwrap_or(number)
+}
+
 /// Parses a number. NaN is written in many ways: pandas leaves the field empty, and Microsoft's library writes
 /// `1.#QNAN`, `-1.#IND`, `-nan(ind)`.
 pub(crate) fn float(field: &[u8]) -> Option<f64> {

@@ -8,7 +8,7 @@ use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::scene::Scene;
 use limpid_io::input::{Loaded, RadiusFrom, UpFrom};
-use limpid_io::notice::{self, Notice, thousands};
+use limpid_io::notice::{self, Notice, brief, thousands};
 use limpid_io::particles::{Array, Remark};
 
 use crate::{remedy, terminal};
@@ -141,7 +141,11 @@ fn describe(loaded: &Loaded, adapter: &str) -> String {
         RadiusFrom::Scene => "from the scene",
         RadiusFrom::Guess => "guessed",
     };
-    let (particles, radius) = (thousands(loaded.particles), loaded.splats.radius);
+    let particles = thousands(loaded.particles);
+    let radius = match loaded.radius_from {
+        RadiusFrom::Guess => brief(loaded.splats.radius),
+        _ => loaded.splats.radius,
+    };
     let mut text = format!("{particles} particles, radius {radius} m ({from})");
     match loaded.up {
         (Up::Y, UpFrom::Option | UpFrom::Scene | UpFrom::Guess | UpFrom::Default) => {}
