@@ -64,13 +64,15 @@ pub(crate) fn from_near_by(
     let liquid = all().fold((f64::INFINITY, f64::NEG_INFINITY), wider);
     let middle = 0.5 * (liquid.0 + liquid.1);
     let (half, shift) = view.borders(size);
+    let tolerance = DISPLACED * view.pixel_side(size, middle);
     let (mut shown, mut first, mut begins_behind) = (liquid, liquid.0, false);
     for solid in &scene.solids {
         let Some(depths) = depths_of(solid, &view, (half, shift)) else { continue };
         let pattern = within_fade(solid, &view, depths, FADED);
         first = first.min(pattern.0);
         // Rays from near by would see what lies beneath a ground that they have met long before.
-        begins_behind |= depths.0 < pattern.0 && !hides_nothing(solid, &view, scene, splats);
+        begins_behind |=
+            depths.0 < pattern.0 && !hides_nothing(solid, &view, scene, splats, tolerance);
         shown = wider(shown, within_fade(solid, &view, depths, PATTERN));
     }
     let displaced = 0.5 * (pixels * (half + shift.abs()) / half).max_element();
@@ -83,13 +85,13 @@ pub(crate) fn from_near_by(
             return Ok(view);
         }
         let least = displaced * apart / DISPLACED;
-        let farther = match least.is_finite() {
-            true => format!(", or farther than {least:.1e} m"),
-            false => String::new(),
+        let remedy = match least.is_finite() {
+            true => format!("or farther than {least:.1e} m"),
+            false => "or draw without the ground that hides what is beneath it".to_owned(),
         };
         let problem = format!(
             "particles of a radius of {} m are {middle:.1e} m away, where 32-bit floats do not tell their front \
-             from their back; move it nearer than {most:.1e} m{farther}",
+             from their back; move it nearer than {most:.1e} m, {remedy}",
             splats.radius
         );
         return Err(Error::invalid("camera", problem));
@@ -164,21 +166,28 @@ fn within_fade(solid: &Solid, view: &View, (near, far): (f64, f64), fades: f64) 
 }
 
 /// Whether a fading ground hides nothing from rays that meet it far in front of the liquid, where it has faded into the
-/// environment: they lead down, and neither a particle nor another solid is beneath it.
-fn hides_nothing(ground: &Solid, view: &View, scene: &Scene, splats: &Splats) -> bool {
+/// environment: they lead down, and neither liquid nor another solid is beneath it, by more than `tolerance`, m.
+fn hides_nothing(
+    ground: &Solid,
+    view: &View,
+    scene: &Scene,
+    splats: &Splats,
+    tolerance: f64,
+) -> bool {
     let Shape::Plane { origin, normal, .. } = ground.shape else { return false };
     let normal = normal.as_dvec3();
     let up = normal * (view.eye - origin).dot(normal).signum();
-    // A particle's radius, for what stands on it.
-    let is_above = |place: DVec3| (place - origin).dot(up) >= -f64::from(splats.radius);
+    let is_above = |place: DVec3, reach: f64| (place - origin).dot(up) >= reach - tolerance;
     let is_solid_above = |solid: &Solid| match solid.shape.corners() {
-        Some(corners) => corners.into_iter().all(is_above),
+        Some(corners) => corners.into_iter().all(|corner| is_above(corner, 0.0)),
         None => std::ptr::eq(solid, ground),
     };
-    let place = |splat: &Splat| splats.origin + Vec3::from_array(splat.centre).as_dvec3();
+    let is_splat_above = |splat: &Splat| {
+        is_above(splats.origin + Vec3::from_array(splat.centre).as_dvec3(), splat.longest())
+    };
     view.ahead().dot(up) <= 0.0
         && scene.solids.iter().all(is_solid_above)
-        && splats.aggregates.iter().chain(&splats.splashes).map(place).all(is_above)
+        && splats.aggregates.iter().chain(&splats.splashes).all(is_splat_above)
 }
 
 /// Moves a default near plane in front of the liquid, if the eye is outside the liquid but nearer to

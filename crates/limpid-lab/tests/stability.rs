@@ -220,8 +220,11 @@ fn far_cameras_look_over_a_ground_that_fades() {
     let Some(mut harness) = harness() else { return };
     let (mut scene, camera, splats) = tank(HERE);
     let (even, odd) = (Vec3::splat(0.8), Vec3::splat(0.2));
-    scene.solids[0].surface = Surface::Ground { tile: 0.25, even, odd, fade: 6.0 };
-    scene.solids.truncate(1);
+    // Beneath all liquid.
+    let origin = DVec3::new(0.3, -0.15, 0.1);
+    let shape = Shape::Plane { origin, normal: Vec3::Y, half_extent: f32::INFINITY };
+    let surface = Surface::Ground { tile: 0.25, even, odd, fade: 6.0 };
+    scene.solids = vec![Solid { shape, surface, lit: false }];
     let height = 2.2;
     let mut draw = |eye: DVec3| {
         let fov_y = 2.0 * (0.5 * height / (eye - camera.target).length()).atan().to_degrees();
