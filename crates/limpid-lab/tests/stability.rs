@@ -235,7 +235,7 @@ fn far_cameras_look_over_a_ground_that_fades() {
     // At 8e4 radii, depths have noise.
     let near = draw(across(2e3));
     let far = draw(across(1e6));
-    for (name, other, distance, limit) in [("near", &near, 1e6, 0.07), ("far", &far, 1e7, 6e-3)] {
+    for (name, other, distance, limit) in [("near", &near, 1e6, 0.07), ("far", &far, 1e7, 1e-2)] {
         let (flip, most, changed) = difference(other, &draw(across(distance)));
         println!("{name}, {distance} m: mean FLIP {flip:.2e}, at most {most}, {changed:.2e}");
         assert!(flip < limit, "{name}, {distance} m: mean FLIP {flip:.2e}");

@@ -62,8 +62,9 @@ impl Viewer {
     pub(crate) fn begin_opening(&mut self, mut source: Source, again: bool) {
         // Wider windows show more at both sides; before the first frame the size is not known.
         let shown = Framing::of(self.picture.viewport_size);
-        if self.picture.viewport_size.min_element() > 0 && shown.aspect < Framing::default().aspect
-        {
+        let is_known = self.picture.viewport_size.min_element() > 0;
+        // The same source keeps its camera.
+        if !again && is_known && shown.aspect < Framing::default().aspect {
             source.framing = shown;
         }
         self.opened.openings += 1;
