@@ -61,12 +61,11 @@ golden() {
 opengl() { in_opengl fluids intersectors shader_math classify_device cull; }
 
 advisories() {
-    command -v cargo-deny >/dev/null || cargo install --locked --quiet cargo-deny
     if ! git ls-remote --exit-code https://github.com/RustSec/advisory-db HEAD >/dev/null 2>&1; then
         echo "the list of advisories cannot be reached: not checked"
         return
     fi
-    cargo deny --workspace check advisories
+    deny advisories
 }
 
 # An engine is 450 crates.

@@ -39,6 +39,13 @@ fetches() {
     return 1
 }
 
+# Checks what limpid depends on. cargo-deny, which takes minutes to build, stays in the target folder.
+deny() {
+    PATH=$PATH:$CARGO_TARGET_DIR/tools/bin
+    command -v cargo-deny >/dev/null || cargo install --locked --quiet --root "$CARGO_TARGET_DIR/tools" cargo-deny
+    cargo deny --workspace check "$@"
+}
+
 # The tests that read and write textures, in Mesa's OpenGL beside its Vulkan, where the machine has both.
 in_opengl() {
     if ! ldconfig -p | grep 'libEGL\.so' >/dev/null; then
