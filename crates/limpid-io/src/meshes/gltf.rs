@@ -293,12 +293,12 @@ impl<'a> Reader<'a, '_, '_> {
         /// Memory of a vertex while it is read, bytes.
         const EACH: usize = size_of::<Vertex>() + size_of::<[f64; 8]>();
         let count = self.buffers.count(positions, part)?;
-        let positions = self.buffers.items::<3>(positions, "VEC3", part)?;
+        let positions = self.buffers.vectors(positions, part)?;
         self.take(count, EACH)?;
         let normals = match normals {
             Some(normals) => {
                 self.mesh.has_normals = true;
-                self.buffers.items::<3>(normals, "VEC3", part)?
+                self.buffers.vectors(normals, part)?
             }
             None => Vec::new(),
         };

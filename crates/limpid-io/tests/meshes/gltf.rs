@@ -178,6 +178,10 @@ fn quantized_positions() {
     );
     let loaded = load_document(&document).unwrap();
     assert_eq!(corners(&loaded.data), [[DVec3::ZERO, DVec3::X, DVec3::NEG_Y]]);
+    // Otherwise a float's bytes would be read as numbers.
+    let unsaid = changed(&document, &[("/extensionsRequired", json!(["KHR_materials_unlit"]))]);
+    let expected = ["accessors[0]: `componentType` 5120 without KHR_mesh_quantization"];
+    check_message("a.gltf", unsaid.to_string().as_bytes(), &expected);
 }
 
 #[test]

@@ -126,6 +126,22 @@ impl<'a> Buffers<'a> {
         Ok(self.accessor(index, part)?.count)
     }
 
+    /// Reads the vectors of an accessor, which are floats unless the document says that they may be integers.
+    pub(super) fn vectors(&self, index: usize, part: &str) -> Result<Vec<[f64; 3]>> {
+        let accessor = self.accessor(index, part)?;
+        let part = &format!("accessors[{index}]");
+        let is_float = self.scalar(accessor.component_type, part)? == Scalar::F32;
+        let extension = "KHR_mesh_quantization";
+        let document = self.document;
+        let mut named = document.extensions_used.iter().chain(&document.extensions_required);
+        if !is_float && !named.any(|name| name == extension) {
+            let problem =
+                format!("`componentType` {} without {extension}", accessor.component_type);
+            return Err(self.error(part, &problem));
+        }
+        self.items::<3>(index, "VEC3", part)
+    }
+
     /// Reads the items of an accessor, of `N` numbers each; `kind` is their type, such as `VEC3`.
     pub(super) fn items<const N: usize>(
         &self,
