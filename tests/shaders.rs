@@ -308,7 +308,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 123] = [
+const LOOPS: [(&str, &str, &str, &str); 124] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("gaps/mark_small.wgsl", "is_listed", "for (var i = 0u; i < cells.x * cells.y; i++)", "MOST_CELLS"),
