@@ -130,11 +130,13 @@ impl<'a> Buffers<'a> {
     pub(super) fn vectors(&self, index: usize, part: &str) -> Result<Vec<[f64; 3]>> {
         let accessor = self.accessor(index, part)?;
         let part = &format!("accessors[{index}]");
-        let is_float = self.scalar(accessor.component_type, part)? == Scalar::F32;
+        // 32-bit integers are none of the extension's.
+        let scalar = self.scalar(accessor.component_type, part)?;
+        let is_integer = !matches!(scalar, Scalar::F32 | Scalar::U32);
         let extension = "KHR_mesh_quantization";
         let document = self.document;
         let mut named = document.extensions_used.iter().chain(&document.extensions_required);
-        if !is_float && !named.any(|name| name == extension) {
+        if is_integer && !named.any(|name| name == extension) {
             let problem =
                 format!("`componentType` {} without {extension}", accessor.component_type);
             return Err(self.error(part, &problem));
