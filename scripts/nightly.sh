@@ -58,7 +58,10 @@ golden() {
     cargo run --release --locked --quiet -- check tests/golden/limpid.toml --out "$CARGO_TARGET_DIR/golden"
 }
 
-opengl() { in_opengl fluids intersectors shader_math classify_device cull; }
+opengl() { in_opengl refract fluids intersectors shader_math classify_device cull; }
+
+# What is compiled only without the window.
+lints() { cargo clippy --locked -p limpid-cli -- -D warnings; }
 
 advisories() {
     if ! git ls-remote --exit-code https://github.com/RustSec/advisory-db HEAD >/dev/null 2>&1; then
@@ -93,6 +96,7 @@ step hostile "20,000 mutants of each format"
 step hdf5 "mutants of HDF5, and files of h5py, compared with what h5py reads"
 step golden "golden frames, as the program is shipped"
 step opengl "the other tests in OpenGL"
+step lints "the program without its window"
 step advisories "known flaws of what limpid depends on"
 step bevy "the example in Bevy"
 step page "the page as it is shipped, all tests in a browser"
