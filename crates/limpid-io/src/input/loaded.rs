@@ -29,7 +29,7 @@ pub enum RadiusFrom {
     Guess,
 }
 
-/// What says which axis of the files points up, the most reliable first.
+/// The origin of the axis that points up in the files, the most reliable first.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum UpFrom {
     /// The user: [`Adjustments::up`].

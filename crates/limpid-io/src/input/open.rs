@@ -151,37 +151,27 @@ impl Input {
                 Ok(Fluid { scale: scale.unwrap_or(1.0), ..fluid })
             })
             .collect::<Result<_>>()?;
-        let Some(first) = fluids.first() else {
+        if fluids.is_empty() {
             let problem = "has no [particles], [[fluid]], [recipe] or [simulation]; draw a particle file in this scene";
             return Err(Error::Scene { origin, problem: problem.into() });
-        };
-        let sequence = fluids[1..]
-            .iter()
-            .fold(first.sequence.clone(), |all, fluid| all.joined(&fluid.sequence));
+        }
         // A single file is the frame, whatever number its name contains.
         let single = sources.iter().all(|particles| crate::files::is_file(&particles.source));
         let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !single);
         let fps = sources.iter().find_map(|particles| particles.fps);
-        Ok(Self {
-            processor: project.processor,
-            project: Some(project),
-            sequence,
-            frame,
-            missing: Missing::Error,
-            with_velocities: false,
-            framing: Framing::default(),
-            classifier: SharedClassifier::default(),
-            fps,
-            fluids,
-            body: None,
-            measured: false,
-            together: None,
-        })
+        Ok(Self { fps, ..Self::of_fluids(Some(project), fluids, frame) })
     }
 
     /// An input with one fluid.
     fn of(project: Option<Project>, fluid: Fluid, frame: Option<i64>) -> Self {
-        let sequence = fluid.sequence.clone();
+        Self::of_fluids(project, vec![fluid], frame)
+    }
+
+    /// An input with at least one fluid; its frames are those of any.
+    fn of_fluids(project: Option<Project>, fluids: Vec<Fluid>, frame: Option<i64>) -> Self {
+        let first = fluids[0].sequence.clone();
+        let joined = |all: Sequence, fluid: &Fluid| all.joined(&fluid.sequence);
+        let sequence = fluids[1..].iter().fold(first, joined);
         Self {
             processor: project.as_ref().map_or(Processor::default(), |project| project.processor),
             project,
@@ -192,7 +182,7 @@ impl Input {
             framing: Framing::default(),
             classifier: SharedClassifier::default(),
             fps: None,
-            fluids: vec![fluid],
+            fluids,
             body: None,
             measured: false,
             together: None,

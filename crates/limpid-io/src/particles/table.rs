@@ -21,7 +21,7 @@ pub(super) struct Unplaced {
     pub(super) location: Location,
     /// Its number, from 0.
     pub(super) row: usize,
-    /// What is there instead.
+    /// Its coordinates.
     pub(super) position: Vec3,
 }
 

@@ -65,7 +65,7 @@ impl Archive<'_> {
         root: &Group,
         groups: &[String],
     ) -> Result<Option<Vec<(i64, String)>>> {
-        /// What a step is called, before its number.
+        /// Names of a step, before its number.
         const WORDS: [&str; 10] = [
             "",
             "step",
