@@ -2,8 +2,7 @@
 //! timestamps, and of whole frames by the clock; then frame time against the number of particles.
 //!
 //! Each figure is the median of several frames in one run, with the minimum and the maximum. Scenes
-//! are `demo`, `cascade` (40,000 particles), `million` (1,056,000), `million-all` (the same without
-//! culling of hidden particles; only if named), `ten-million` (the curve with ten million; only if named, for it takes
+//! are `demo`, `cascade` (40,000 particles), `million` (1,056,000), `ten-million` (the curve with ten million; only if named, for it takes
 //! minutes and 4 GiB), and `front` if the reference scenes are available
 //! (`LIMPID_REFERENCE`, default `../shared/reference` beside the checkout):
 //!
@@ -72,11 +71,6 @@ impl Subject {
         let file = match name {
             "demo" => return Self::of(name, Input::demo()?, settings).map(Some),
             "million" => return Self::swell(COUNTS[3], settings).map(Some),
-            "million-all" => {
-                let mut subject = Self::swell(COUNTS[3], settings)?;
-                subject.splats.aggregates.iter_mut().for_each(|s| s.tags &= !Splat::BURIED);
-                return Ok(Some(subject));
-            }
             "cascade" => repository.join("sims/cascade.toml"),
             "front" => {
                 let folder = env::var_os("LIMPID_REFERENCE").map(PathBuf::from);

@@ -11,9 +11,10 @@ override SPLASH: bool = false;
 @group(1) @binding(0) var aggregate_layers: $layers;
 @group(1) @binding(1) var splash_layers: $layers;
 @group(1) @binding(2) var<storage, read> tiles: TileList;
+@group(1) @binding(3) var<storage, read> background: TileList;
 // Of each tile the largest disparity of the aggregates' fronts and the smallest of their backs, and the same of the
 // splashes; 0 without any. Planes count over their whole pixels.
-@group(1) @binding(3) var bounds: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(4) var bounds: texture_storage_2d<rgba32float, write>;
 
 // Beyond all disparities.
 const NEAREST: f32 = 3e38;
@@ -35,7 +36,14 @@ fn bound(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loca
     }
     rows[local.y * 8u + local.x] = found;
     workgroupBarrier();
-    if local.x > 0u || !listed {
+    if local.x > 0u {
+        return;
+    }
+    if !listed {
+        let number = index - tiles.count;
+        if number < background.count {
+            textureStore(bounds, tile_pixel(background.tiles[number], vec2u(0u)) / i32(TILE), vec4f(0.0));
+        }
         return;
     }
     for (var row = 1u; row < 8u; row++) {

@@ -20,7 +20,8 @@ use crate::memory;
 
 #[doc(hidden)]
 pub use binding::{
-    sampled, sampled_integers, storage, storage_of, storage_read_write, storage_texture, uniform,
+    sampled, sampled_integers, state_texture, storage, storage_of, storage_read_write,
+    storage_texture, uniform,
 };
 #[doc(hidden)]
 pub use commands::Commands;
@@ -30,6 +31,8 @@ pub use readback::{Pending, Reading, begin_reading, read_mapped};
 #[doc(hidden)]
 #[cfg(not(target_arch = "wasm32"))]
 pub use readback::{read_buffer, read_texture};
+#[doc(hidden)]
+pub use shader::Grain;
 pub use timer::{PassTime, SubmittedTimes};
 #[doc(hidden)]
 pub use timer::{PendingTimes, Span, Timer};
@@ -51,6 +54,8 @@ pub struct Gpu {
     most_work: u64,
     /// Set by another thread to end what this handle draws.
     interrupt: Option<Arc<AtomicBool>>,
+    /// Chosen instead of the adapter's.
+    grain: Option<Grain>,
 }
 
 /// Memory that opening a device may take, bytes: that of Mesa's software device with its compiler.
@@ -148,9 +153,8 @@ impl Gpu {
         Self { failure: Some(failure), ..Self::from_device(device, queue) }
     }
 
-    /// Wraps a caller's device and queue. Pass times require [`wgpu::Features::TIMESTAMP_QUERY`], early
-    /// rejection of hidden fragments [`wgpu::Features::SHADER_EARLY_DEPTH_TEST`]; no other feature is
-    /// used.
+    /// Wraps a caller's device and queue. Pass times require [`wgpu::Features::TIMESTAMP_QUERY`]; no other
+    /// feature is used.
     pub fn from_device(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         Self {
             device,
@@ -160,6 +164,7 @@ impl Gpu {
             modules: Arc::default(),
             most_work: MOST_WORK,
             interrupt: None,
+            grain: None,
         }
     }
 
@@ -252,11 +257,18 @@ impl Gpu {
         self.uniforms_are_stored()
     }
 
-    /// Whether shaders may use conservative early depth tests. OpenGL would need another extension.
+    /// How a tile's pixels are divided among threads when splats are drawn.
     #[doc(hidden)]
-    pub fn has_early_depth(&self) -> bool {
-        self.device.features().contains(wgpu::Features::SHADER_EARLY_DEPTH_TEST)
-            && self.device.adapter_info().backend != wgpu::Backend::Gl
+    pub fn grain(&self) -> Grain {
+        let is_software = self.device.adapter_info().device_type == wgpu::DeviceType::Cpu;
+        self.grain.unwrap_or(if is_software { Grain::Column } else { Grain::Pixel })
+    }
+
+    /// Sets [`Gpu::grain`], for tests: pictures do not change.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_grain(self, grain: Grain) -> Self {
+        Self { grain: Some(grain), ..self }
     }
 
     /// Name and driver of the adapter, for reports.
@@ -436,9 +448,8 @@ async fn adapters(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Adapter> 
 }
 
 /// Features that limpid uses where available.
-const OPTIONAL: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY
-    .union(wgpu::Features::PIPELINE_CACHE)
-    .union(wgpu::Features::SHADER_EARLY_DEPTH_TEST);
+const OPTIONAL: wgpu::Features =
+    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::PIPELINE_CACHE);
 
 /// Opens a device, after checking the requirements beyond WebGPU's core limits: no native-only feature.
 async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), String> {
@@ -592,25 +603,6 @@ pub fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
         mip_level_count: Some(1),
         ..Default::default()
     })
-}
-
-/// Clears a view to 0.
-#[doc(hidden)]
-pub fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView, span: Span<'_>) {
-    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some("clear"),
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                store: wgpu::StoreOp::Store,
-            },
-        })],
-        timestamp_writes: span.render(),
-        ..Default::default()
-    });
 }
 
 /// Creates a bind group with `resources` at bindings 0, 1, ….

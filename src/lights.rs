@@ -51,7 +51,7 @@ struct LightPasses {
 
 impl Lights {
     /// Chooses the views, allocates the maps and compiles missing pipelines.
-    pub fn prepare(&mut self, gpu: &Gpu, frame: FrameInputs<'_>, culled: bool) -> Result<()> {
+    pub fn prepare(&mut self, gpu: &Gpu, frame: FrameInputs<'_>) -> Result<()> {
         let FrameInputs { scene, splats, .. } = frame;
         let settings = &scene.settings.caustics;
         (self.count, self.views) = (0, Vec::new());
@@ -88,7 +88,7 @@ impl Lights {
             }
             let map_settings = settings_of(placed, settings);
             let backs = map_settings.interfaces > 1;
-            let gaps = gaps::count(gpu, &scene.settings.layers, map_settings.interfaces, splats);
+            let gaps = gaps::count(&scene.settings.layers, map_settings.interfaces, splats);
             let size = view.size;
             let mixture = mixture::is_mixed(scene);
             let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
@@ -101,8 +101,8 @@ impl Lights {
                 host: false,
                 levels: 1,
                 backs,
-                culled,
                 gaps,
+                tags: false,
                 sections,
             };
             let (before, passes) = self.passes.split_at_mut(i);
@@ -114,7 +114,7 @@ impl Lights {
                 None => surfaces.resize(gpu, config),
             }
             let uniform = view.uniform(splats.origin);
-            surfaces.remove_splats_behind_walls(gpu, scene, &uniform, view.origin, splats);
+            surfaces.list_splats(gpu, frame, &uniform, view.origin);
             surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
             let config = MapConfig { settings: &map_settings, splash, gaps, size };
@@ -149,7 +149,7 @@ impl Lights {
                 scene: &surfaces.scene,
                 aggregate: surfaces.aggregate_layers(),
                 splash: surfaces.splash_layers(),
-                gaps: gaps::count(gpu, &scene.settings.layers, map_settings.interfaces, splats),
+                gaps: gaps::count(&scene.settings.layers, map_settings.interfaces, splats),
                 gbuffer: &surfaces.gbuffer.images,
                 mixture: Some(&surfaces.mixture.view),
                 method: map_settings.method,

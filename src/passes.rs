@@ -10,9 +10,9 @@ use glam::UVec2;
 use crate::camera::CameraUniform;
 use crate::gpu::{self, Gpu};
 
+pub mod bins;
 pub mod bounds;
 pub mod caustics;
-pub mod cull;
 pub mod gaps;
 pub mod gbuffer;
 pub mod host;
@@ -23,7 +23,6 @@ pub mod refract;
 pub mod smooth;
 pub mod splat;
 pub mod splat_buffers;
-pub mod splat_lists;
 pub mod surface;
 pub mod tiles;
 pub mod tonemap;

@@ -15,7 +15,6 @@ use crate::memory;
 use crate::motion::Motion;
 use crate::passes::bounds::Bounds;
 use crate::passes::caustics::CausticMap;
-use crate::passes::cull;
 use crate::passes::gaps;
 use crate::passes::host;
 use crate::passes::mesh_buffers::MeshBuffers;
@@ -183,8 +182,7 @@ impl Renderer {
         let frame = self.prepare_views(scene, view.into(), splats, size)?;
         let gpu = &self.gpu.clone();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let (mut timer, mut commands) =
-            (Timer::new(gpu, self.timing), Commands::new(gpu, &mut encoder));
+        let (mut timer, mut commands) = (self.timer(), Commands::new(gpu, &mut encoder));
         self.record_views(&frame, &mut commands, &mut timer);
         if !self.refract.is_compiled(frame.variant, &self.camera_view) {
             // The device starts drawing while the largest shaders compile.
@@ -230,8 +228,7 @@ impl Renderer {
     /// for long is not split.
     pub fn record(&mut self, frame: Frame<'_>, encoder: &mut wgpu::CommandEncoder) {
         let gpu = &self.gpu.clone();
-        let (mut timer, mut commands) =
-            (Timer::new(gpu, self.timing), Commands::within(gpu, encoder));
+        let (mut timer, mut commands) = (self.timer(), Commands::within(gpu, encoder));
         self.record_views(&frame, &mut commands, &mut timer);
         self.pending_rays = self.record_picture(&frame, &mut commands, &mut timer);
         self.pending_times = PendingTimes::record(gpu, timer, encoder);
@@ -379,16 +376,10 @@ impl Renderer {
         self.meshes.prepare(gpu, frame.scene)?;
         let inputs = frame.inputs(&self.splat_set, &self.meshes);
         if frame.dirty.lights {
-            self.lights.prepare(gpu, inputs, frame.config.culled)?;
+            self.lights.prepare(gpu, inputs)?;
         }
         if frame.dirty.surfaces {
-            self.camera_view.remove_splats_behind_walls(
-                gpu,
-                frame.scene,
-                &frame.uniform,
-                eye,
-                frame.splats,
-            );
+            self.camera_view.list_splats(gpu, inputs, &frame.uniform, eye);
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
@@ -425,6 +416,13 @@ impl Renderer {
             let bounds = self.bounds.get_or_insert_with(|| Bounds::new(&self.gpu));
             bounds.prepare(&self.gpu, camera, frame.config.size, frame.config.splash);
         }
+    }
+
+    /// A timer for all passes of a frame.
+    fn timer(&self) -> Timer {
+        // Those of the views; then host, mips, bounds, refract, surface and tonemap, and the caustics of each light.
+        let of_lights = (PassNames::COUNT + 1) * self.lights.views().len();
+        Timer::new(&self.gpu, self.timing, PassNames::COUNT + 6 + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
@@ -477,11 +475,8 @@ impl Renderer {
         let (gpu, refract) = (&self.gpu, &self.refract);
         if let Some(request) = frame.surface {
             let view = &self.camera_view;
-            let SplatSet { aggregates, splashes, .. } = view.seen_splats(&self.splat_set);
-            let span = timer.span("surface");
-            let encoder = &mut *commands.encoder;
-            let classes = [aggregates, splashes];
-            self.surface_images.record(gpu, encoder, view, classes, request, span);
+            let (encoder, span) = (&mut *commands.encoder, timer.span("surface"));
+            self.surface_images.record(gpu, encoder, view, request, span);
         }
         frame.host.as_ref().map(|_| refract.record_host_rays(gpu, commands.encoder))
     }
@@ -507,7 +502,7 @@ impl Renderer {
     pub fn images(&self) -> Images {
         let (view, refract) = (&self.camera_view, &self.refract);
         Images {
-            aggregate: view.aggregate.layers.clone(),
+            aggregate: view.splat.aggregate.clone(),
             smoothed: view.aggregate_layers().clone(),
             splash: view.splash_layers().cloned(),
             gbuffer: view.has_gbuffer().then(|| view.gbuffer.images.clone()),
@@ -564,7 +559,7 @@ impl<'a> Frame<'a> {
         let screen_solids =
             settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
         let splash = !splats.splashes.is_empty();
-        let gaps = gaps::count(gpu, &settings.layers, settings.refract.interfaces, splats);
+        let gaps = gaps::count(&settings.layers, settings.refract.interfaces, splats);
         let variant = Variant::new(scene, splash, gaps, host.is_some(), diagnose);
         let starts_inside = view_range::may_start_inside(splats, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
@@ -579,7 +574,7 @@ impl<'a> Frame<'a> {
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
             gaps,
-            culled: cull::is_worthwhile(gpu, splats),
+            tags: renderer.surface.is_some(),
             sections: Sections::for_work(gpu, size, work),
         };
         let last = renderer.last.take().filter(|_| renderer.reuse);

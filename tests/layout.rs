@@ -10,7 +10,7 @@ use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
-    Layers, caustics, gaps, gbuffer, host, refract, smooth, splat_lists, surface, tiles, tonemap,
+    Layers, bins, caustics, gaps, gbuffer, host, refract, smooth, surface, tiles, tonemap,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -123,6 +123,8 @@ fn shared_structs_agree() {
         pad,
         shift
     });
+    let bins_params =
+        rust_struct!(bins::Params { splats, lanes, tiles, entries, band, swell, pad });
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
     let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu, least });
@@ -232,8 +234,9 @@ fn shared_structs_agree() {
         rust_struct!(device::Shaped { mean, density, diagonal, flags, off_diagonal, count });
     let sum = rust_struct!(device::Sum { count, squares });
     let table = [
-        (camera, "splat.wgsl", "Camera"),
-        (splat, "splat.wgsl", "Splat"),
+        (camera, "splat/layers.wgsl", "Camera"),
+        (splat, "splat/layers.wgsl", "Splat"),
+        (bins_params, "bins/project.wgsl", "Params"),
         (smooth, "smooth/plane_fit.wgsl", "Params"),
         (refract, "refract/guarded.wgsl", "Params"),
         (tonemap, "tonemap.wgsl", "Params"),
@@ -284,12 +287,12 @@ fn shared_constants_agree() {
         ("mixture.wgsl", "MAX_FLUIDS", scene::MAX_FLUIDS as u32),
         ("gbuffer.wgsl", "MAX_LIGHT_VIEWS", (scene::MAX_LIGHTS * gbuffer::LIGHT_VIEWS) as u32),
         ("tiles.wgsl", "TILE", gpu::TILE),
-        ("splat.wgsl", "BURIED", classify::Splat::BURIED),
-        ("cull/select.wgsl", "BLOCK", splat_lists::BLOCK),
-        ("gaps/mark_small.wgsl", "CELL", gaps::CELL),
-        ("gaps/mark_small.wgsl", "WORDS", gaps::WORDS),
-        ("splat.wgsl", "FRONT", Layers::FRONT),
-        ("splat.wgsl", "BACK", Layers::BACK),
+        ("splat/layers.wgsl", "FLUID", classify::Splat::BURIED - 1),
+        ("bins/fill.wgsl", "THREADS", bins::THREADS),
+        ("gaps/mark.wgsl", "CELL", gaps::CELL),
+        ("gaps/mark.wgsl", "WORDS", gaps::WORDS),
+        ("splat/layers.wgsl", "FRONT", Layers::FRONT),
+        ("splat/layers.wgsl", "BACK", Layers::BACK),
         ("classify/scan.wgsl", "ROW", gpu::ROW),
         ("tiles.wgsl", "ROW", gpu::ROW),
         ("classify/scan.wgsl", "THREADS", device::SORTING),

@@ -6,7 +6,7 @@ use std::fs;
 use std::panic::catch_unwind;
 use std::path::Path;
 
-use limpid::gpu::shader::{self, EarlyDepth, FILES, ROOTS, Variant};
+use limpid::gpu::shader::{self, FILES, Grain, ROOTS, Variant};
 use naga::back::pipeline_constants::process_overrides;
 use naga::back::{glsl, hlsl, msl, spv};
 use naga::proc::BoundsCheckPolicies;
@@ -18,7 +18,7 @@ const MEASURED: &str = "report/intersect.wgsl";
 /// The variant for tests of roots, with the default intersector.
 const GUARDED: Variant = Variant {
     intersector: Some("refract/guarded.wgsl"),
-    early_depth: None,
+    grain: Grain::Pixel,
     stored_uniforms: false,
     stored_layers: false,
     mips: false,
@@ -177,10 +177,12 @@ fn files_below(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
 /// The files that a root imports, including itself.
 fn pasted(root: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    shader::resolve(root, GUARDED, &mut |path| {
-        found.insert(path.to_owned());
-        FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text)
-    });
+    for grain in [Grain::Pixel, Grain::Column] {
+        shader::resolve(root, Variant { grain, ..GUARDED }, &mut |path| {
+            found.insert(path.to_owned());
+            FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text)
+        });
+    }
     found
 }
 
@@ -227,21 +229,21 @@ fn every_root_is_valid() {
     assert!(broken.is_empty(), "{} broken roots:\n{}", broken.len(), broken.join("\n"));
 }
 
-/// Variants with early depth tests are valid with that capability, and only with it.
+/// Roots that draw tiles are valid in the grain of software adapters too.
 #[test]
-fn early_depth_variants_are_valid() {
-    for root in ["splat.wgsl", "cull/draw.wgsl"] {
-        for side in [EarlyDepth::LessEqual, EarlyDepth::GreaterEqual] {
-            let text = shader::source(root, Variant { early_depth: Some(side), ..GUARDED });
-            assert_eq!(text.matches("@early_depth_test").count(), 1, "{root}");
-            let module = naga::front::wgsl::parse_str(&text).expect(root);
-            let is_valid = |capabilities| {
-                Validator::new(ValidationFlags::all(), capabilities).validate(&module).is_ok()
-            };
-            assert!(is_valid(Capabilities::EARLY_DEPTH_TEST), "{root}");
-            assert!(!is_valid(REQUESTED), "{root} has no early depth test");
+fn columns_are_valid() {
+    let mut drawn = 0;
+    for root in ROOTS {
+        let text = shader::source(root, Variant { grain: Grain::Column, ..GUARDED });
+        if text == source(root) {
+            continue;
         }
+        drawn += 1;
+        let checked = check(root, &text);
+        let done = checked.and_then(|(module, info)| specialise(root, &module, &info));
+        done.and_then(|_| translate_all(root, &text)).unwrap_or_else(|problem| panic!("{problem}"));
     }
+    assert_eq!(drawn, 4, "layers, mixture, marks and sides");
 }
 
 /// Every shader translates to SPIR-V, MSL, HLSL and GLSL.
@@ -308,10 +310,9 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 124] = [
+const LOOPS: [(&str, &str, &str, &str); 158] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
-    ("gaps/mark_small.wgsl", "is_listed", "for (var i = 0u; i < cells.x * cells.y; i++)", "MOST_CELLS"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
     ("refract/pixels.wgsl", "edge_pixels", "for (var i = id.x; i < listed_count(); i += LIST_GROUP * groups.x)", "the picture's pixels, over 64 times as many as the largest dispatch has groups"),
     ("refract/pixels.wgsl", "structured_pixels", "for (var i = 1u; i < SAMPLES; i++)", "refract.samples, 64 at most"),
@@ -369,22 +370,55 @@ const LOOPS: [(&str, &str, &str, &str); 124] = [
     ("common/scene.wgsl", "scene_blocks", "for (var i = 0u; i < SOLIDS - MESHES; i++)", "the scene's solids, 512 at most"),
     ("common/scene.wgsl", "scene_blocks", "for (var i = SOLIDS - MESHES; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
     ("common/scene.wgsl", "solid_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the scene's lights, 16 at most"),
-    ("cull/depths.wgsl", "reduce", "for (var i = 0u; i < QUADS * QUADS; i++)", "a constant"),
-    ("cull/depths.wgsl", "between_of", "for (var i = 0u; i < QUAD * QUAD; i++)", "a constant"),
-    ("cull/select.wgsl", "is_hidden", "for (var i = 0u; i < count.x * count.y && hidden; i++)", "MOST"),
-    ("cull/select.wgsl", "is_hidden", "for (var i = 0u; i < count.x * count.y && hidden; i++)", "MOST"),
-    ("splat_lists.wgsl", "mark", "for (var word = 0u; word < MASK_WORDS; word++)", "a constant"),
-    ("splat_lists.wgsl", "list", "for (var before = 0u; before < word; before++)", "MASK_WORDS"),
-    ("splat_lists.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),
-    ("splat_lists.wgsl", "arrange", "for (var thread = 0u; thread < local; thread++)", "the workgroup's threads"),
-    ("splat_lists.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),
     ("caustics/forward.wgsl", "light_path", "for (var body = 0u; body <= GAPS; body++)", "layers.intervals, 3 at most"),
     ("caustics/resolve.wgsl", "straight", "for (var gap = select(i32(GAPS), 0, slabs.aggregate_has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
     ("caustics/resolve.wgsl", "straight", "for (var gap = select(i32(GAPS), 0, slabs.splash_has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
-    ("gaps/clear.wgsl", "clear", "for (var layer = 2u; layer < 2u + 2u * GAPS; layer++)", "layers.intervals, 3 at most"),
-    ("gaps/select.wgsl", "is_listed", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
-    ("gaps/select.wgsl", "is_listed", "for (var x = first.x; x <= last.x; x++)", "MOST_TILES together"),
-    ("gaps/mark.wgsl", "mark_cell", "for (var word = 0u; word < WORDS; word++)", "a constant"),
+    ("bins/project.wgsl", "project", "for (var i = lane; i < select(rect.size.x * rect.size.y, 0u, is_large(rect)); i += params.lanes)", "the picture's tiles"),
+    ("bins/project.wgsl", "count_large", "for (var k = group.x; k < atomicLoad(&large.count); k += groups.x)", "large splats, over the workgroups"),
+    ("bins/project.wgsl", "count_large", "for (var i = local; i < rect.size.x * rect.size.y; i += THREADS)", "the picture's tiles"),
+    ("bins/scan.wgsl", "sum", "for (var i = 0u; i < EACH && first + i < arrayLength(&counts); i++)", "a constant"),
+    ("bins/scan.wgsl", "sum", "for (var stride = THREADS / 2u; stride > 0u; stride /= 2u)", "log2 of the workgroup's threads"),
+    ("bins/scan.wgsl", "scan", "for (var i = 0u; i < EACH && first + i < tiles; i++)", "a constant"),
+    ("bins/scan.wgsl", "scan", "for (var other = local; other < min(block, arrayLength(&blocks)); other += THREADS)", "blocks of the tiles, over the workgroup's threads"),
+    ("bins/scan.wgsl", "scan", "for (var stride = THREADS / 2u; stride > 0u; stride /= 2u)", "log2 of the workgroup's threads"),
+    ("bins/scan.wgsl", "scan", "for (var stride = 1u; stride < THREADS; stride *= 2u)", "log2 of the workgroup's threads"),
+    ("bins/scan.wgsl", "scan", "for (var i = 0u; i < EACH && first + i < tiles; i++)", "a constant"),
+    ("bins/fill.wgsl", "fill", "for (var i = thread % params.lanes; i < select(outer.size.x * outer.size.y, 0u, is_large(outer)); i += params.lanes)", "the picture's tiles"),
+    ("bins/fill.wgsl", "fill_large", "for (var k = group.x; k < large.count; k += groups.x)", "large splats, over the workgroups"),
+    ("bins/fill.wgsl", "fill_large", "for (var i = local; i < outer.size.x * outer.size.y; i += THREADS)", "the picture's tiles"),
+    ("splat/layers.wgsl", "initial", "for (var i = 0u; i < PART; i++)", "a constant"),
+    ("splat/layers.wgsl", "store", "for (var i = 0u; i < PART; i++)", "a constant"),
+    ("splat/layers.wgsl", "draw", "for (var base = entries.begin; base < entries.inner_end; base += THREADS)", "the splats of a tile's list"),
+    ("splat/layers.wgsl", "draw", "for (var k = 0u; k < min(THREADS, entries.inner_end - base); k++)", "the splats of a tile's list"),
+    ("splat/layers.wgsl", "draw", "for (var i = entries.begin; i < entries.inner_end; i++)", "the splats of a tile's list"),
+    ("splat/layers.wgsl", "layers_of_tiles", "for (var i = 0u; i < TILES; i++)", "a constant"),
+    ("mixture.wgsl", "store", "for (var i = 0u; i < PART; i++)", "a constant"),
+    ("mixture.wgsl", "store", "for (var k = 0u; k < 4u; k++)", "a constant"),
+    ("mixture.wgsl", "store", "for (var k = 0u; k < 4u; k++)", "a constant"),
+    ("mixture.wgsl", "draw", "for (var base = entries.begin; base < entries.inner_end; base += THREADS)", "the splats of a tile's list"),
+    ("mixture.wgsl", "draw", "for (var k = 0u; k < min(THREADS, entries.inner_end - base); k++)", "the splats of a tile's list"),
+    ("mixture.wgsl", "draw", "for (var i = entries.begin; i < entries.inner_end; i++)", "the splats of a tile's list"),
+    ("mixture.wgsl", "mixture_of_tiles", "for (var i = 0u; i < TILES; i++)", "a constant"),
+    ("gaps/mark.wgsl", "bins_of", "for (var word = 0u; word < WORDS; word++)", "a constant"),
+    ("gaps/mark.wgsl", "mark_tile", "for (var i = entries.begin + thread / CELLS; i < end; i += THREADS / CELLS)", "the splats of a tile's list"),
+    ("gaps/mark.wgsl", "mark_tile", "for (var word = 0u; word < WORDS; word++)", "a constant"),
+    ("gaps/mark.wgsl", "mark_tile", "for (var word = 0u; word < WORDS; word++)", "a constant"),
+    ("gaps/mark.wgsl", "mark_tile", "for (var word = 0u; word < WORDS; word++)", "a constant"),
+    ("gaps/mark.wgsl", "mark", "for (var i = 0u; i < TILES; i++)", "a constant"),
+    ("gaps/sides.wgsl", "initial", "for (var i = 0u; i < PART; i++)", "a constant"),
+    ("gaps/sides.wgsl", "store", "for (var i = 0u; i < PART; i++)", "a constant"),
+    ("splat/layers.wgsl", "store_nothing", "for (var i = 0u; i < ROWS; i++)", "a constant"),
+    ("splat/layers.wgsl", "layers_of_tiles", "for (var left = turns(listed); left > 0u; left--)", "one turn"),
+    ("splat/layers.wgsl", "layers_of_tiles", "for (var left = turns(FIRST && drawn && !listed && (!LAST || filled_before[tile] != 0u)); left > 0u; left--)", "one turn"),
+    ("mixture.wgsl", "mixture_of_tiles", "for (var left = turns(is_listed(tile)); left > 0u; left--)", "one turn"),
+    ("mixture.wgsl", "mixture_of_tiles", "for (var left = turns((FIRST || LAST) && is_drawn(tile) && !is_listed(tile)); left > 0u; left--)", "one turn"),
+    ("gaps/mark.wgsl", "mark", "for (var left = turns(is_listed(tile)); left > 0u; left--)", "one turn"),
+    ("gaps/mark.wgsl", "mark", "for (var left = turns(FIRST && is_drawn(tile) && !is_listed(tile)); left > 0u; left--)", "one turn"),
+    ("gaps/mark.wgsl", "clear_tile", "for (var word = 0u; word < WORDS; word++)", "a constant"),
+    ("gaps/sides.wgsl", "draw", "for (var base = entries.begin; base < entries.end; base += THREADS)", "the splats of a tile's list"),
+    ("gaps/sides.wgsl", "draw", "for (var k = 0u; k < min(THREADS, entries.end - base); k++)", "the splats of a tile's list"),
+    ("gaps/sides.wgsl", "draw", "for (var i = entries.begin; i < entries.end; i++)", "the splats of a tile's list"),
+    ("gaps/sides.wgsl", "sides", "for (var gap = 0u; gap < select(0u, GAPS, drawn); gap++)", "layers.intervals, 3 at most"),
     ("gaps/split.wgsl", "next_bin", "for (var word = start / 32u; word < WORDS; word++)", "a constant"),
     ("gaps/split.wgsl", "splits_of", "for (var i = 0u; i < BINS / 2u && end < BINS && count < GAPS; i++)", "a constant"),
     ("gaps/split.wgsl", "fill_window", "for (var i = 0u; i < WINDOW * WINDOW; i++)", "a constant"),
@@ -425,13 +459,15 @@ const LOOPS: [(&str, &str, &str, &str); 124] = [
     ("report/arithmetic.wgsl", "arithmetic", "for (var i = 0u; i < ROUNDS; i++)", "a constant"),
     ("surface/images.wgsl", "images", "for (var i = 0u; i < SAMPLES; i++)", "refract.samples, 64 at most"),
     ("surface/images.wgsl", "surface_velocity", "for (var k = 0; k < (2 * SIDE + 1) * (2 * SIDE + 1); k++)", "a constant"),
+    ("smooth/blank.wgsl", "blank", "for (var x = select(0u, TILE, !emptied); x < TILE; x++)", "a constant"),
+    ("smooth/blank.wgsl", "blank", "for (var layer = select(0, 1, covered); layer < select(0, 2, inside); layer++)", "a constant"),
     ("smooth/bilateral.wgsl", "smoothed", "for (var y = -TAPS; y <= TAPS; y++)", "smooth.taps, 33 at most"),
     ("smooth/bilateral.wgsl", "smoothed", "for (var x = -TAPS; x <= TAPS; x++)", "smooth.taps, 33 at most"),
     ("smooth/narrow_range.wgsl", "smoothed", "for (var ring = 1; ring <= TAPS; ring++)", "smooth.taps, 33 at most"),
     ("smooth/narrow_range.wgsl", "smoothed", "for (var i = 0; i < 4 * ring; i++)", "smooth.taps, 33 at most"),
     ("smooth/plane_fit.wgsl", "smoothed", "for (var y = -TAPS; y <= TAPS; y++)", "smooth.taps, 33 at most"),
     ("smooth/plane_fit.wgsl", "smoothed", "for (var x = -TAPS; x <= TAPS; x++)", "smooth.taps, 33 at most"),
-    ("splat.wgsl", "cut_slopes", "for (var i = 0; i < 2; i++)", "a constant"),
+    ("splat/ellipsoid.wgsl", "cut_slopes", "for (var i = 0; i < 2; i++)", "a constant"),
     ("tiles.wgsl", "sort", "for (var i = 0u; i < TILE * TILE && !covered; i++)", "a constant"),
 ];
 

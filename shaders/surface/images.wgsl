@@ -23,19 +23,37 @@ override SAMPLES: u32 = 1u;        // rays per pixel
 @group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
 @group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
 @group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
-@group(1) @binding(4) var nearest: texture_2d<u32>;
-@group(1) @binding(5) var<storage, read> velocities: array<f32>; // three for each particle, m/s
-@group(1) @binding(6) var surface: texture_storage_2d<rgba32float, write>; // normal, depth
-@group(1) @binding(7) var motion: texture_storage_2d<rgba32float, write>;  // motion, coverage, fluid
+// Particle, from 1, and fluid of each front.
+@group(1) @binding(4) var aggregate_tags: texture_2d<u32>;
+@group(1) @binding(5) var splash_tags: texture_2d<u32>;
+@group(1) @binding(6) var<storage, read> velocities: array<f32>; // three for each particle, m/s
+@group(1) @binding(7) var surface: texture_storage_2d<rgba32float, write>; // normal, depth
+@group(1) @binding(8) var motion: texture_storage_2d<rgba32float, write>;  // motion, coverage, fluid
 
-// Front of the texel that is nearest to the eye at `omega`, for its disparity there.
-fn nearest_front(texel: vec2i, omega: vec3f) -> vec3f {
-    let aggregate = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+// Whether a splash is in front of the texel's body at `omega`.
+fn splash_is_nearest(texel: vec2i, omega: vec3f) -> bool {
     if !SPLASH {
-        return aggregate;
+        return false;
     }
+    let aggregate = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
     let splash = textureLoad(splash_layers, texel, FRONT, 0).xyz;
-    return select(aggregate, splash, dot(splash, omega) > dot(aggregate, omega));
+    return dot(splash, omega) > dot(aggregate, omega);
+}
+
+// The nearest front, for its disparity at `omega`.
+fn nearest_front(texel: vec2i, omega: vec3f) -> vec3f {
+    if splash_is_nearest(texel, omega) {
+        return textureLoad(splash_layers, texel, FRONT, 0).xyz;
+    }
+    return textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+}
+
+// Particle, from 1, and fluid of that front.
+fn nearest_tags(texel: vec2i, omega: vec3f) -> vec2u {
+    if splash_is_nearest(texel, omega) {
+        return textureLoad(splash_tags, texel, 0).xy;
+    }
+    return textureLoad(aggregate_tags, texel, 0).xy;
 }
 
 // Whether the opaque scene is in front of a disparity.
@@ -70,8 +88,8 @@ fn surface_velocity(texel: vec2i, x: vec3f) -> vec3f {
     for (var k = 0; k < (2 * SIDE + 1) * (2 * SIDE + 1); k++) {
         let beside = vec2i(k % (2 * SIDE + 1), k / (2 * SIDE + 1)) - SIDE;
         let at = texel + vec2i(round(spacing * vec2f(beside)));
-        let particle = textureLoad(nearest, clamp(at, vec2i(0), last), 0).x;
         let omega = camera_omega(vec2f(at) + 0.5);
+        let particle = nearest_tags(clamp(at, vec2i(0), last), omega).x;
         let there = camera_point(omega, dot(nearest_front(clamp(at, vec2i(0), last), omega), omega));
         let near = all(at >= vec2i(0)) && all(at <= last) && abs(there.z - x.z) <= params.reach;
         if particle > 0u && (near || all(beside == vec2i(0))) {
@@ -118,7 +136,7 @@ fn images(@builtin(global_invocation_id) id: vec3u) {
         let world = camera_world_point(x);
         moved = u - previous_pixel(world + params.offset - params.seconds * velocity, u);
     }
-    let fluid = f32(textureLoad(nearest, p, 0).y);
+    let fluid = f32(nearest_tags(p, omega).y);
     textureStore(surface, p, normal_depth);
     textureStore(motion, p, vec4f(moved, covered, fluid));
 }

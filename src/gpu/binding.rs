@@ -102,3 +102,12 @@ pub fn storage_texture(
         view_dimension,
     }
 }
+
+/// `texture_storage_2d_array<r32uint, read_write>`.
+pub fn state_texture() -> wgpu::BindingType {
+    wgpu::BindingType::StorageTexture {
+        access: wgpu::StorageTextureAccess::ReadWrite,
+        format: wgpu::TextureFormat::R32Uint,
+        view_dimension: wgpu::TextureViewDimension::D2Array,
+    }
+}

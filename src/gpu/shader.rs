@@ -30,23 +30,23 @@ pub const FILES: &[(&str, &str)] = &[
     ("classify/moments.wgsl", include_str!("../../shaders/classify/moments.wgsl")),
     ("classify/eigen.wgsl", include_str!("../../shaders/classify/eigen.wgsl")),
     ("classify/shape.wgsl", include_str!("../../shaders/classify/shape.wgsl")),
-    ("splat.wgsl", include_str!("../../shaders/splat.wgsl")),
-    ("splat_lists.wgsl", include_str!("../../shaders/splat_lists.wgsl")),
-    ("cull/select.wgsl", include_str!("../../shaders/cull/select.wgsl")),
-    ("cull/depths.wgsl", include_str!("../../shaders/cull/depths.wgsl")),
-    ("cull/draw.wgsl", include_str!("../../shaders/cull/draw.wgsl")),
-    ("cull/quads.wgsl", include_str!("../../shaders/cull/quads.wgsl")),
+    ("bins/params.wgsl", include_str!("../../shaders/bins/params.wgsl")),
+    ("bins/tiles.wgsl", include_str!("../../shaders/bins/tiles.wgsl")),
+    ("bins/project.wgsl", include_str!("../../shaders/bins/project.wgsl")),
+    ("bins/scan.wgsl", include_str!("../../shaders/bins/scan.wgsl")),
+    ("bins/fill.wgsl", include_str!("../../shaders/bins/fill.wgsl")),
+    ("splat/ellipsoid.wgsl", include_str!("../../shaders/splat/ellipsoid.wgsl")),
+    ("splat/pixel.wgsl", include_str!("../../shaders/splat/pixel.wgsl")),
+    ("splat/column.wgsl", include_str!("../../shaders/splat/column.wgsl")),
+    ("splat/lists.wgsl", include_str!("../../shaders/splat/lists.wgsl")),
+    ("splat/layers.wgsl", include_str!("../../shaders/splat/layers.wgsl")),
     ("mixture.wgsl", include_str!("../../shaders/mixture.wgsl")),
     ("gaps/cells.wgsl", include_str!("../../shaders/gaps/cells.wgsl")),
-    ("gaps/swollen.wgsl", include_str!("../../shaders/gaps/swollen.wgsl")),
     ("gaps/mark.wgsl", include_str!("../../shaders/gaps/mark.wgsl")),
-    ("gaps/mark_small.wgsl", include_str!("../../shaders/gaps/mark_small.wgsl")),
-    ("gaps/mark_large.wgsl", include_str!("../../shaders/gaps/mark_large.wgsl")),
+    ("gaps/sides.wgsl", include_str!("../../shaders/gaps/sides.wgsl")),
     ("gaps/split.wgsl", include_str!("../../shaders/gaps/split.wgsl")),
-    ("gaps/select.wgsl", include_str!("../../shaders/gaps/select.wgsl")),
-    ("gaps/clear.wgsl", include_str!("../../shaders/gaps/clear.wgsl")),
-    ("gaps/draw.wgsl", include_str!("../../shaders/gaps/draw.wgsl")),
     ("tiles.wgsl", include_str!("../../shaders/tiles.wgsl")),
+    ("smooth/blank.wgsl", include_str!("../../shaders/smooth/blank.wgsl")),
     ("smooth/iterate.wgsl", include_str!("../../shaders/smooth/iterate.wgsl")),
     ("smooth/plane_fit.wgsl", include_str!("../../shaders/smooth/plane_fit.wgsl")),
     ("smooth/bilateral.wgsl", include_str!("../../shaders/smooth/bilateral.wgsl")),
@@ -82,7 +82,6 @@ pub const FILES: &[(&str, &str)] = &[
     ("caustics/blur.wgsl", include_str!("../../shaders/caustics/blur.wgsl")),
     ("caustics/conic.wgsl", include_str!("../../shaders/caustics/conic.wgsl")),
     ("caustics/gather.wgsl", include_str!("../../shaders/caustics/gather.wgsl")),
-    ("surface/nearest.wgsl", include_str!("../../shaders/surface/nearest.wgsl")),
     ("surface/images.wgsl", include_str!("../../shaders/surface/images.wgsl")),
     ("tonemap.wgsl", include_str!("../../shaders/tonemap.wgsl")),
     ("report/intersect.wgsl", include_str!("../../shaders/report/intersect.wgsl")),
@@ -97,18 +96,16 @@ pub const ROOTS: &[&str] = &[
     "classify/scan.wgsl",
     "classify/order.wgsl",
     "classify/shape.wgsl",
-    "splat.wgsl",
-    "cull/select.wgsl",
-    "cull/depths.wgsl",
-    "cull/draw.wgsl",
+    "bins/project.wgsl",
+    "bins/scan.wgsl",
+    "bins/fill.wgsl",
+    "splat/layers.wgsl",
     "mixture.wgsl",
-    "gaps/mark_small.wgsl",
-    "gaps/mark_large.wgsl",
+    "gaps/mark.wgsl",
     "gaps/split.wgsl",
-    "gaps/select.wgsl",
-    "gaps/clear.wgsl",
-    "gaps/draw.wgsl",
+    "gaps/sides.wgsl",
     "tiles.wgsl",
+    "smooth/blank.wgsl",
     "smooth/plane_fit.wgsl",
     "smooth/bilateral.wgsl",
     "smooth/narrow_range.wgsl",
@@ -131,7 +128,6 @@ pub const ROOTS: &[&str] = &[
     "caustics/gather.wgsl",
     "caustics/resolve.wgsl",
     "caustics/blur.wgsl",
-    "surface/nearest.wgsl",
     "surface/images.wgsl",
     "tonemap.wgsl",
     "report/intersect.wgsl",
@@ -145,8 +141,8 @@ pub const ROOTS: &[&str] = &[
 pub struct Variant {
     /// `$intersector`: the file of `refract/` to import.
     pub intersector: Option<&'static str>,
-    /// `$early_depth`: fragments promise to write no depth beyond that of `depth_bound`.
-    pub early_depth: Option<EarlyDepth>,
+    /// `$grain`: how a tile's pixels are divided among threads.
+    pub grain: Grain,
     /// `$branching`: uniforms that decide branches are bound as read-only storage. Otherwise software
     /// Vulkan recompiles the shader in every frame. It reads storage lane by lane, so all other
     /// uniforms stay uniforms.
@@ -158,13 +154,32 @@ pub struct Variant {
     pub mips: bool,
 }
 
-/// On which side of `depth_bound` fragments write.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EarlyDepth {
-    /// Smaller depths: fronts.
-    LessEqual,
-    /// Greater depths: backs.
-    GreaterEqual,
+/// How the pixels of a tile are divided among threads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Grain {
+    /// A thread draws a pixel, and a workgroup reads its tile's list together: for graphics cards.
+    #[default]
+    Pixel,
+    /// A thread draws a column of pixels, and a workgroup several tiles: for software adapters. Eight pixels a thread
+    /// take a quarter of the time there of one pixel (lavapipe, `front` at 1024×768).
+    Column,
+}
+
+impl Grain {
+    /// Tiles of a workgroup: as `TILES` in the grain's file.
+    pub fn tiles(self) -> u32 {
+        match self {
+            Self::Pixel => 1,
+            Self::Column => 8,
+        }
+    }
+
+    fn file(self) -> &'static str {
+        match self {
+            Self::Pixel => "splat/pixel.wgsl",
+            Self::Column => "splat/column.wgsl",
+        }
+    }
 }
 
 impl Variant {
@@ -177,11 +192,7 @@ impl Variant {
     fn value(self, word: &str) -> Option<&'static str> {
         match word {
             "intersector" => self.intersector,
-            "early_depth" => Some(match self.early_depth {
-                None => "",
-                Some(EarlyDepth::LessEqual) => "@early_depth_test(less_equal)",
-                Some(EarlyDepth::GreaterEqual) => "@early_depth_test(greater_equal)",
-            }),
+            "grain" => Some(self.grain.file()),
             "branching" => Some(if self.stored_uniforms { "storage, read" } else { "uniform" }),
             "layers" => Some(match self.stored_layers {
                 true => "texture_storage_2d_array<rgba32float, read>",
@@ -263,6 +274,7 @@ pub fn module(gpu: &Gpu, root: &str, variant: Variant) -> wgpu::ShaderModule {
     let variant = Variant {
         stored_uniforms: gpu.uniforms_are_stored(),
         stored_layers: gpu.layers_are_stored() && !variant.mips,
+        grain: gpu.grain(),
         ..variant
     };
     gpu.module(root, source(root, variant))

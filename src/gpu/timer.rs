@@ -20,6 +20,7 @@ pub struct PassTime {
 pub struct Timer {
     queries: Option<wgpu::QuerySet>,
     names: Vec<&'static str>,
+    most: usize,
 }
 
 /// Timestamps for a device pass: at its beginning, at its end, or both.
@@ -30,25 +31,27 @@ pub struct Span<'a> {
     end: Option<u32>,
 }
 
-/// The camera's passes, and seven passes for each of the seven views of 16 lights.
-const MAX_SPANS: u32 = 16 + 7 * 7 * 16;
-
 impl Timer {
-    /// Creates a timer, which measures only if `enabled` and if the device supports timestamps.
-    pub fn new(gpu: &Gpu, enabled: bool) -> Self {
+    /// Creates a timer of `most` spans, which measures only if `enabled` and if the device supports timestamps.
+    pub fn new(gpu: &Gpu, enabled: bool, most: usize) -> Self {
         let enabled = enabled && gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let most = most.min(wgpu::QUERY_SET_MAX_QUERIES as usize / 2);
         let queries = enabled.then(|| {
             gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("pass times"),
                 ty: wgpu::QueryType::Timestamp,
-                count: 2 * MAX_SPANS,
+                count: 2 * most as u32,
             })
         });
-        Self { queries, names: Vec::new() }
+        Self { queries, names: Vec::new(), most }
     }
 
-    /// Starts a span of one device pass or, with [`Span::first`] and [`Span::last`], of several.
+    /// Starts a span of one device pass or, with [`Span::first`] and [`Span::last`], of several. Spans beyond the
+    /// timer's number are not measured.
     pub fn span(&mut self, name: &'static str) -> Span<'_> {
+        if self.names.len() >= self.most {
+            return Span::default();
+        }
         let index = 2 * self.names.len() as u32;
         self.names.push(name);
         Span { queries: self.queries.as_ref(), begin: Some(index), end: Some(index + 1) }

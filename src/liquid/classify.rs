@@ -63,8 +63,7 @@ pub struct Splat {
 }
 
 impl Splat {
-    /// Bit of [`Splat::tags`] that marks a particle surrounded by liquid. It is a hint for culling: all
-    /// other splats are drawn first, then the marked ones that they do not hide.
+    /// Bit of [`Splat::tags`] that marks a particle surrounded by liquid.
     pub const BURIED: u32 = 1 << 16;
 
     /// Position in [`Splat::tags`] of the ten bits that hold, for a copy that [`add_wall_contacts`] placed on a plane,

@@ -3,7 +3,6 @@
 use glam::UVec2;
 use wgpu::TextureViewDimension::D2;
 
-use super::tiles::TileLists;
 use super::view_passes::ViewPasses;
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span, TILE};
@@ -26,6 +25,7 @@ impl Bounds {
         let bindings = [
             gpu.layers(),
             gpu.layers(),
+            gpu::storage_of(8),
             gpu::storage_of(8),
             gpu::storage_texture(Layers::FORMAT, D2),
         ];
@@ -59,10 +59,9 @@ impl Bounds {
         let splash = usize::from(eye.splash_layers().is_some());
         let pipeline = &self.pipelines[usize::from(eye.camera.is_orthographic())][splash];
         let Some(pipeline) = pipeline else { return };
-        gpu::clear(encoder, &self.view, span.first());
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("bounds"),
-            timestamp_writes: span.last().compute(),
+            timestamp_writes: span.compute(),
         });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &eye.camera.group, &[]);
@@ -70,22 +69,20 @@ impl Bounds {
         for section in tiles.sections() {
             let resources = [
                 wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-                wgpu::BindingResource::TextureView(&eye.splash.layers.view),
+                wgpu::BindingResource::TextureView(&eye.splat.splash.view),
                 tiles.section(&tiles.liquid, section),
+                tiles.section(&tiles.background, section),
                 wgpu::BindingResource::TextureView(&self.view),
             ];
             let group = gpu::bind_group(gpu, "bounds", &self.layout, &resources);
             pass.set_bind_group(1, &group, &[]);
-            let at = tiles.dispatch(TileLists::LIQUID, section);
-            pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
+            gpu::dispatch(&mut pass, tiles.groups_of_eight());
         }
     }
 }
 
 fn create_view(gpu: &Gpu, size: UVec2) -> wgpu::TextureView {
-    let usage = wgpu::TextureUsages::STORAGE_BINDING
-        | wgpu::TextureUsages::RENDER_ATTACHMENT
-        | wgpu::TextureUsages::TEXTURE_BINDING;
+    let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
     let tiles = size.map(|n| n.div_ceil(TILE));
     gpu::texture(gpu, "bounds", tiles, 1, Layers::FORMAT, usage).create_view(&Default::default())
 }

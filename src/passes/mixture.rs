@@ -5,15 +5,18 @@
 //! Inside the liquid, the mixture absorbs the light: this is exact for unrefracted light, whatever the
 //! order of the fluids. Only fluids of different absorption need the pass.
 
+use std::collections::HashMap;
+
 use glam::{UVec2, Vec4};
+use wgpu::TextureViewDimension::D2;
 
 use super::CameraBinding;
+use super::bins::Bins;
 use super::splat_buffers::{self, SplatBuffers};
 use crate::gpu::{self, Gpu, Span};
 use crate::scene::{MAX_FLUIDS, Scene};
 
-/// Format of the sums over splats: 16-bit floats are the only ones that every adapter can blend, and an
-/// error of two thousandths is negligible against the effect of refraction.
+/// Format of the output: an error of half a thousandth is negligible against the effect of refraction.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// Draws the mixture of a view.
@@ -22,11 +25,10 @@ pub struct Mixture {
     /// Output: absorption times length, as a share of [`strongest`], and length; one pixel if the
     /// fluids do not differ.
     pub view: wgpu::TextureView,
-    pipeline: Option<wgpu::RenderPipeline>,
+    /// By whether the chunk is the first and the last.
+    pipelines: HashMap<[bool; 2], wgpu::ComputePipeline>,
     absorptions: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
-    group: wgpu::BindGroup,
-    constants: [(&'static str, f64); 1],
 }
 
 /// Whether a scene has fluids of different absorption.
@@ -40,20 +42,18 @@ pub fn strongest(scene: &Scene) -> f32 {
 }
 
 impl Mixture {
-    /// Creates the layout; the pipeline is compiled on first use.
-    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
-        let binding = gpu::uniform::<[Vec4; MAX_FLUIDS]>();
-        let layout = gpu.layout("fluids", wgpu::ShaderStages::FRAGMENT, &[binding]);
-        let absorptions = gpu::uniform_buffer::<[Vec4; MAX_FLUIDS]>(gpu, "fluids");
-        let group = gpu::bind_group(gpu, "fluids", &layout, &[absorptions.as_entire_binding()]);
-        let constants = camera.constants();
+    /// Creates the layout; pipelines are compiled on first use.
+    pub fn new(gpu: &Gpu) -> Self {
+        let bindings = [
+            gpu::uniform::<[Vec4; MAX_FLUIDS]>(),
+            gpu::storage_texture(FORMAT, D2),
+            gpu::state_texture(),
+        ];
         Self {
             view: create_view(gpu, UVec2::ONE),
-            pipeline: None,
-            absorptions,
-            layout,
-            group,
-            constants,
+            pipelines: HashMap::new(),
+            absorptions: gpu::uniform_buffer::<[Vec4; MAX_FLUIDS]>(gpu, "fluids"),
+            layout: gpu.layout("mixture", wgpu::ShaderStages::COMPUTE, &bindings),
         }
     }
 
@@ -67,97 +67,71 @@ impl Mixture {
         self.view = other.view.clone();
     }
 
-    /// Uploads the fluids' absorption for particles of `radius` (m), and compiles the pipeline on first use.
-    pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &Scene, radius: f32) {
+    /// Uploads the fluids' absorption for particles of `radius` (m), and compiles what is missing.
+    pub fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        bins: &Bins,
+        scene: &Scene,
+        radius: f32,
+    ) {
         let strongest = strongest(scene).max(f32::MIN_POSITIVE);
         let mut shares = [Vec4::ZERO; MAX_FLUIDS];
         for (share, absorption) in shares.iter_mut().zip(scene.absorptions()) {
             *share = (absorption / strongest).extend(radius.max(f32::MIN_POSITIVE).recip());
         }
         gpu.queue.write_buffer(&self.absorptions, 0, bytemuck::cast_slice(&shares));
-        if self.pipeline.is_none() {
-            self.pipeline = Some(self.pipeline(gpu, camera));
+        for ends in [[true, true], [true, false], [false, true], [false, false]] {
+            self.pipelines.entry(ends).or_insert_with(|| {
+                let [first, last] = ends.map(|end| f64::from(u8::from(end)));
+                let own = [("FIRST", first), ("LAST", last)];
+                let constants = [&camera.constants()[..], &own].concat();
+                let splats = splat_buffers::layout(gpu);
+                let layouts = [&camera.layout, &splats, bins.read_layout(), &self.layout];
+                let entry = "mixture_of_tiles";
+                gpu::compute_pipeline(gpu, "mixture.wgsl", entry, &layouts, &constants)
+            });
         }
     }
 
-    fn pipeline(&self, gpu: &Gpu, camera: &CameraBinding) -> wgpu::RenderPipeline {
-        let module = gpu::shader::module(gpu, "mixture.wgsl", gpu::shader::Variant::default());
-        let splats = splat_buffers::layout(gpu);
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("mixture"),
-            bind_group_layouts: &[Some(&camera.layout), Some(&splats), Some(&self.layout)],
-            immediate_size: 0,
-        });
-        let compilation_options =
-            wgpu::PipelineCompilationOptions { constants: &self.constants, ..Default::default() };
-        let add = wgpu::BlendComponent {
-            src_factor: wgpu::BlendFactor::One,
-            dst_factor: wgpu::BlendFactor::One,
-            operation: wgpu::BlendOperation::Add,
-        };
-        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("mixture"),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vertex"),
-                compilation_options: compilation_options.clone(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState {
-                topology: wgpu::PrimitiveTopology::TriangleList,
-                ..Default::default()
-            },
-            depth_stencil: None,
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("mixture"),
-                compilation_options,
-                targets: &[Some(wgpu::ColorTargetState {
-                    format: FORMAT,
-                    blend: Some(wgpu::BlendState { color: add, alpha: add }),
-                    write_mask: wgpu::ColorWrites::ALL,
-                })],
-            }),
-            multiview_mask: None,
-            cache: gpu.cache(),
-        })
-    }
-
-    /// Records the sum over all splats; requires [`Mixture::prepare`].
+    /// Records the sum over the splats of all `classes`, whose lists are recorded before; requires
+    /// [`Mixture::prepare`].
     pub fn record(
         &self,
+        gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         camera: &CameraBinding,
-        classes: [&SplatBuffers; 2],
+        bins: &Bins,
+        classes: &[&SplatBuffers],
         span: Span<'_>,
     ) {
-        let Some(pipeline) = &self.pipeline else { return };
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("mixture"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &self.view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            timestamp_writes: span.render(),
-            ..Default::default()
-        });
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &camera.group, &[]);
-        pass.set_bind_group(2, &self.group, &[]);
-        for splats in classes {
-            splats.draw(&mut pass);
+        let state = bins.state();
+        let resources = [
+            self.absorptions.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&self.view),
+            wgpu::BindingResource::TextureView(&state),
+        ];
+        let group = gpu::bind_group(gpu, "mixture", &self.layout, &resources);
+        let ends = classes.len() - 1;
+        for (class, splats) in classes.iter().enumerate() {
+            let (begins, ends) = (class == 0, class == ends);
+            let span = match (begins, ends) {
+                (true, true) => span,
+                (true, false) => span.first(),
+                _ => span.last(),
+            };
+            bins.draw(encoder, camera, class, splats, span, |pass, part| {
+                let variant = [begins && part.first, ends && part.last];
+                pass.set_pipeline(&self.pipelines[&variant]);
+                pass.set_bind_group(3, &group, &[]);
+                gpu::dispatch(pass, part.groups);
+            });
         }
     }
 }
 
 fn create_view(gpu: &Gpu, size: UVec2) -> wgpu::TextureView {
-    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+    let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
     gpu::texture(gpu, "mixture", size, 1, FORMAT, usage).create_view(&Default::default())
 }

@@ -390,7 +390,7 @@ impl Refract {
         let layers_of =
             |layers: &'_ Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
         let (aggregates, splashes) =
-            (layers_of(eye.aggregate_layers()), layers_of(&eye.splash.layers));
+            (layers_of(eye.aggregate_layers()), layers_of(&eye.splat.splash));
         let group = |target: &wgpu::TextureView,
                      seen: &wgpu::TextureView,
                      list: &wgpu::Buffer,
@@ -519,7 +519,7 @@ impl Structure {
         let resources = [
             self.params.as_entire_binding(),
             wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-            wgpu::BindingResource::TextureView(&eye.splash.layers.view),
+            wgpu::BindingResource::TextureView(&eye.splat.splash.view),
             wgpu::BindingResource::TextureView(radiance),
             tiles.section(&tiles.liquid, section),
         ];

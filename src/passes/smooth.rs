@@ -7,7 +7,7 @@ use glam::UVec2;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::gaps::Gaps;
-use super::tiles::TileLists;
+use super::tiles::{Filled, TileLists};
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Commands, Gpu, Span};
 use crate::settings::{self, Filter};
@@ -93,6 +93,11 @@ pub struct Smooth {
     gaps: Vec<GapPipelines>,
     /// Whether planes bear the sizes of their particles.
     sizes: bool,
+    /// Without and with backs.
+    blank: [wgpu::ComputePipeline; 2],
+    blank_layout: wgpu::BindGroupLayout,
+    /// Tiles of the layers and states.
+    filled: Filled,
     layout: wgpu::BindGroupLayout,
     /// Normal and depth, written alternately.
     states: [Layers; 2],
@@ -167,6 +172,21 @@ impl Smooth {
             gpu::sampled(D2Array),
         ];
         let layout = gpu.layout("smooth", wgpu::ShaderStages::COMPUTE, &bindings);
+        let written = gpu::storage_texture(Layers::FORMAT, D2Array);
+        let list = gpu::storage_of(8);
+        let blank_layout = gpu.layout(
+            "smooth blank",
+            wgpu::ShaderStages::COMPUTE,
+            &[
+                list,
+                list,
+                written,
+                written,
+                written,
+                gpu::storage_of(4),
+                gpu::storage_read_write(4),
+            ],
+        );
         let (layers, states) = create_layers(gpu, splatted);
         Self {
             prepare: prepare_kernel(gpu, camera, &layout, false),
@@ -177,6 +197,13 @@ impl Smooth {
             sizes: false,
             layers,
             layout,
+            blank: [0.0, 1.0].map(|backs| {
+                let constants = [("BACKS", backs)];
+                let layouts = [&blank_layout];
+                gpu::compute_pipeline(gpu, "smooth/blank.wgsl", "blank", &layouts, &constants)
+            }),
+            blank_layout,
+            filled: Filled::new(gpu, UVec2::ONE),
             states,
             splatted: splatted.clone(),
             frame: Frame {
@@ -193,12 +220,14 @@ impl Smooth {
     pub fn resize(&mut self, gpu: &Gpu, splatted: &Layers) {
         (self.layers, self.states) = create_layers(gpu, splatted);
         self.splatted = splatted.clone();
+        let size = UVec2::new(splatted.texture.width(), splatted.texture.height());
+        self.filled = Filled::new(gpu, size);
     }
 
     /// As [`super::splat::Splat::share`].
     pub fn share(&mut self, other: &Self) {
         (self.layers, self.states) = (other.layers.clone(), other.states.clone());
-        self.splatted = other.splatted.clone();
+        (self.splatted, self.filled) = (other.splatted.clone(), other.filled.clone());
     }
 
     /// Sets the frame's iterations and what they cover, and compiles the filter on first
@@ -271,16 +300,8 @@ impl Smooth {
     ) {
         let gpu = commands.gpu;
         let Frame { variant, iterations, backs, gaps: count, work } = &self.frame;
-        // Only the liquid's tiles are written, but taps read beyond them.
-        let [first, second] = &self.states;
-        let mut begin = span.first();
-        for texture in [&first.texture, &second.texture, &self.layers.texture] {
-            for layer in [Layers::FRONT, Layers::BACK] {
-                gpu::clear(commands.encoder, &gpu::layer_view(texture, layer), begin);
-                begin = Span::default();
-            }
-        }
         let planes = gpu::level_view(&self.layers.texture, 0, D2Array);
+        self.record_blank(commands, tiles, &planes, span.first());
         let unused = Params::zeroed();
         let steps = match iterations.last() {
             None => vec![(&self.copy[count], &unused)],
@@ -332,6 +353,38 @@ impl Smooth {
 }
 
 impl Smooth {
+    /// Records the emptying of all that the steps do not write.
+    fn record_blank(
+        &self,
+        commands: &mut Commands<'_>,
+        tiles: &TileLists,
+        planes: &wgpu::TextureView,
+        span: Span<'_>,
+    ) {
+        let mut pass = commands.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("smooth blank"),
+            timestamp_writes: span.compute(),
+        });
+        pass.set_pipeline(&self.blank[usize::from(self.frame.backs)]);
+        for section in tiles.sections() {
+            let resources = [
+                tiles.section(&tiles.liquid, section),
+                tiles.section(&tiles.background, section),
+                wgpu::BindingResource::TextureView(&self.states[0].view),
+                wgpu::BindingResource::TextureView(&self.states[1].view),
+                wgpu::BindingResource::TextureView(planes),
+                self.filled.before.as_entire_binding(),
+                self.filled.now.as_entire_binding(),
+            ];
+            let group =
+                gpu::bind_group(commands.gpu, "smooth blank", &self.blank_layout, &resources);
+            pass.set_bind_group(0, &group, &[]);
+            gpu::dispatch(&mut pass, tiles.groups_of_eight());
+        }
+        drop(pass);
+        self.filled.end(commands.encoder);
+    }
+
     /// Records the smoothing of the sides of gaps, after [`Smooth::record`]. The splatted and the smoothed layers
     /// hold its states by turns.
     pub fn record_gaps(
@@ -399,7 +452,6 @@ pub fn work(settings: &settings::Smooth) -> u64 {
 fn create_layers(gpu: &Gpu, splatted: &Layers) -> (Layers, [Layers; 2]) {
     let size = UVec2::new(splatted.texture.width(), splatted.texture.height());
     let usage = wgpu::TextureUsages::STORAGE_BINDING
-        | wgpu::TextureUsages::RENDER_ATTACHMENT
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
     let new = |label: &str, layers, levels| Layers::new(gpu, label, size, layers, levels, usage);

@@ -1,16 +1,15 @@
 //! A frame's splats on the device.
 
+use bytemuck::Zeroable;
+
 use crate::gpu::{self, Gpu};
 use crate::liquid::classify::Splat as SplatData;
-
-/// Vertices of a splat, as in `splat.wgsl`.
-const VERTICES: u32 = 6;
 
 /// Splats of one binding.
 #[derive(Debug)]
 pub(super) struct Chunk {
     buffer: wgpu::Buffer,
-    /// Group 1 of `splat.wgsl`: `count` splats.
+    /// Group 1 of what reads splats: `count` of them.
     pub(super) group: wgpu::BindGroup,
     pub(super) count: u32,
 }
@@ -19,22 +18,16 @@ pub(super) struct Chunk {
 #[derive(Debug)]
 pub struct SplatBuffers {
     layout: wgpu::BindGroupLayout,
-    // Each as large as one binding allows; the depth test makes the split irrelevant.
+    /// Each as large as one binding allows; at least one, which may be empty.
     chunks: Vec<Chunk>,
 }
 
 impl SplatBuffers {
     /// Creates an empty list.
     pub fn new(gpu: &Gpu) -> Self {
-        Self { layout: layout(gpu), chunks: Vec::new() }
-    }
-
-    /// Draws all splats, as group 1, with the current pipeline.
-    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
-        for chunk in &self.chunks {
-            pass.set_bind_group(1, &chunk.group, &[]);
-            pass.draw(0..VERTICES * chunk.count, 0..1);
-        }
+        let mut new = Self { layout: layout(gpu), chunks: Vec::new() };
+        new.upload(gpu, &[]);
+        new
     }
 
     /// The bindings of the splats.
@@ -47,9 +40,15 @@ impl SplatBuffers {
         let limits = gpu.device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let most = (bytes as usize / size_of::<SplatData>()).max(1);
-        self.chunks.truncate(splats.len().div_ceil(most));
-        for (i, splats) in splats.chunks(most).enumerate() {
-            let (count, bytes) = (splats.len() as u32, size_of_val(splats) as u64);
+        self.chunks.truncate(splats.len().div_ceil(most).max(1));
+        // Something must be bound.
+        let nothing = [SplatData::zeroed()];
+        let parts: Vec<(&[SplatData], u32)> = match splats {
+            [] => vec![(&nothing[..], 0)],
+            _ => splats.chunks(most).map(|part| (part, part.len() as u32)).collect(),
+        };
+        for (i, (splats, count)) in parts.into_iter().enumerate() {
+            let bytes = size_of_val(splats) as u64;
             let old = self.chunks.get(i).filter(|chunk| chunk.buffer.size() >= bytes);
             let buffer = match old {
                 Some(chunk) => {
@@ -96,8 +95,7 @@ fn write(gpu: &Gpu, buffer: &wgpu::Buffer, splats: &[SplatData]) {
     }
 }
 
-/// The layout of group 1 of `splat.wgsl`.
+/// The layout of group 1 of what reads splats.
 pub(super) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let stages = wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE;
-    gpu.layout("splats", stages, &[gpu::storage::<SplatData>()])
+    gpu.layout("splats", wgpu::ShaderStages::COMPUTE, &[gpu::storage::<SplatData>()])
 }

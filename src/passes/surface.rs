@@ -1,6 +1,6 @@
 //! Images of the first interface of each pixel, for programs that compose pictures: `shaders/surface/`.
 //!
-//! A render pass finds the particle in front, a compute pass writes the images. Drawn only if asked for.
+//! Drawn only if asked for.
 
 use std::collections::HashMap;
 
@@ -8,10 +8,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
+use super::Layers;
 use super::gbuffer::SceneVariant;
-use super::splat_buffers::{self, SplatBuffers};
 use super::view_passes::ViewPasses;
-use super::{CameraBinding, Layers};
 use crate::camera::{CameraUniform, View};
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu, Span};
@@ -86,17 +85,11 @@ type Variant = ([bool; 3], u32, SceneVariant, bool);
 pub struct Surface {
     /// Output; `None` before it was asked for.
     pub images: Option<SurfaceImages>,
-    /// Particle, from 1, and fluid in front.
-    nearest: Option<[wgpu::TextureView; 2]>,
-    draw: HashMap<bool, wgpu::RenderPipeline>,
-    resolve: HashMap<Variant, wgpu::ComputePipeline>,
+    pipelines: HashMap<Variant, wgpu::ComputePipeline>,
     params: wgpu::Buffer,
     velocities: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
 }
-
-const TAGS: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
-const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 impl Surface {
     /// Creates the layout; pipelines are compiled on first use.
@@ -107,15 +100,14 @@ impl Surface {
             gpu::sampled(D2Array),
             gpu::sampled(D2),
             gpu::sampled_integers(),
+            gpu::sampled_integers(),
             gpu::storage_of(4),
             gpu::storage_texture(Layers::FORMAT, D2),
             gpu::storage_texture(Layers::FORMAT, D2),
         ];
         Self {
             images: None,
-            nearest: None,
-            draw: HashMap::new(),
-            resolve: HashMap::new(),
+            pipelines: HashMap::new(),
             params: gpu::uniform_buffer::<Params>(gpu, "surface"),
             velocities: gpu::buffer_with(gpu, "velocities", wgpu::BufferUsages::STORAGE, &[0f32]),
             layout: gpu.layout("surface", wgpu::ShaderStages::COMPUTE, &bindings),
@@ -141,11 +133,9 @@ impl Surface {
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
         self.upload(gpu, &motion.velocities)?;
         let camera = &eye.camera;
-        let orthographic = camera.is_orthographic();
-        self.draw.entry(orthographic).or_insert_with(|| draw_pipeline(gpu, camera));
         let key = variant(eye, request);
         let ([splash, host, velocities], samples, scene, _) = key;
-        self.resolve.entry(key).or_insert_with(|| {
+        self.pipelines.entry(key).or_insert_with(|| {
             let layouts = [&camera.layout, &self.layout, &eye.scene.layout];
             let switch = |on: bool| f64::from(u8::from(on));
             let own = [
@@ -166,11 +156,6 @@ impl Surface {
             | wgpu::TextureUsages::COPY_SRC;
         let image = |label: &str| gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage);
         self.images = Some(SurfaceImages { surface: image("surface"), motion: image("motion") });
-        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let target = |label: &str, format| {
-            gpu::texture(gpu, label, size, 1, format, usage).create_view(&Default::default())
-        };
-        self.nearest = Some([target("nearest", TAGS), target("nearest depth", DEPTH)]);
     }
 
     fn upload(&mut self, gpu: &Gpu, velocities: &[Vec3]) -> Result<()> {
@@ -198,49 +183,21 @@ impl Surface {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         eye: &ViewPasses,
-        classes: [&SplatBuffers; 2],
         request: Request,
         span: Span<'_>,
     ) {
-        let (Some(images), Some([tags, depth])) = (&self.images, &self.nearest) else { return };
+        let Some(images) = &self.images else { return };
         let camera = &eye.camera;
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("surface"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: tags,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: depth,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Discard,
-                }),
-                stencil_ops: None,
-            }),
-            timestamp_writes: span.first().render(),
-            ..Default::default()
-        });
-        pass.set_pipeline(&self.draw[&camera.is_orthographic()]);
-        pass.set_bind_group(0, &camera.group, &[]);
-        for splats in classes {
-            splats.draw(&mut pass);
-        }
-        drop(pass);
-
+        let tags = eye.splat.tags.each_ref().map(|tags| tags.create_view(&Default::default()));
         let texture_views = [&eye.gbuffer.images.planes, &images.surface, &images.motion];
         let views = texture_views.map(|texture| gpu::layer_view(texture, 0));
         let resources = [
             self.params.as_entire_binding(),
             wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-            wgpu::BindingResource::TextureView(&eye.splash.layers.view),
+            wgpu::BindingResource::TextureView(&eye.splat.splash.view),
             wgpu::BindingResource::TextureView(&views[0]),
-            wgpu::BindingResource::TextureView(tags),
+            wgpu::BindingResource::TextureView(&tags[0]),
+            wgpu::BindingResource::TextureView(&tags[1]),
             self.velocities.as_entire_binding(),
             wgpu::BindingResource::TextureView(&views[1]),
             wgpu::BindingResource::TextureView(&views[2]),
@@ -249,9 +206,9 @@ impl Surface {
         let (x, y) = gpu::workgroups(extent(&images.surface));
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("surface"),
-            timestamp_writes: span.last().compute(),
+            timestamp_writes: span.compute(),
         });
-        pass.set_pipeline(&self.resolve[&variant(eye, request)]);
+        pass.set_pipeline(&self.pipelines[&variant(eye, request)]);
         pass.set_bind_group(0, &camera.group, &[]);
         pass.set_bind_group(1, &group, &[]);
         pass.set_bind_group(2, &eye.scene.group, &[]);
@@ -267,48 +224,4 @@ fn variant(eye: &ViewPasses, request: Request) -> Variant {
 
 fn extent(texture: &wgpu::Texture) -> UVec2 {
     UVec2::new(texture.width(), texture.height())
-}
-
-fn draw_pipeline(gpu: &Gpu, camera: &CameraBinding) -> wgpu::RenderPipeline {
-    let file = "surface/nearest.wgsl";
-    let module = gpu::shader::module(gpu, file, gpu::shader::Variant::default());
-    let splats = splat_buffers::layout(gpu);
-    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("surface"),
-        bind_group_layouts: &[Some(&camera.layout), Some(&splats)],
-        immediate_size: 0,
-    });
-    let constants = camera.constants();
-    let compilation_options =
-        wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("surface"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex"),
-            compilation_options: compilation_options.clone(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleList,
-            ..Default::default()
-        },
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: Default::default(),
-            bias: Default::default(),
-        }),
-        multisample: Default::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("nearest"),
-            compilation_options,
-            targets: &[Some(TAGS.into())],
-        }),
-        multiview_mask: None,
-        cache: gpu.cache(),
-    })
 }

@@ -109,6 +109,11 @@ impl TileLists {
         0..self.sections.count
     }
 
+    /// Workgroups over all tiles of a section, eight to each.
+    pub fn groups_of_eight(&self) -> u32 {
+        self.sections.tiles.div_ceil(8)
+    }
+
     /// Pixels per section.
     pub fn pixels(&self) -> u64 {
         u64::from(self.sections.tiles) * u64::from(TILE * TILE)
@@ -244,5 +249,39 @@ fn create_lists(gpu: &Gpu, size: UVec2, sections: Sections) -> TileLists {
             wgpu::BufferUsages::STORAGE,
             &[sections],
         ),
+    }
+}
+
+/// Which tiles of an image contain liquid: those of the frame before, and those of this one.
+///
+/// An empty tile need not be written again: software adapters take 30 ns for each texel.
+#[derive(Debug, Clone)]
+pub struct Filled {
+    /// `array<u32>`, one for each tile.
+    pub before: wgpu::Buffer,
+    /// The same of this frame.
+    pub now: wgpu::Buffer,
+}
+
+impl Filled {
+    /// Of a new image of `size` pixels, which is empty.
+    pub fn new(gpu: &Gpu, size: UVec2) -> Self {
+        let tiles = size.map(|n| n.div_ceil(TILE)).element_product();
+        let buffer = || {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("filled tiles"),
+                size: 4 * u64::from(tiles),
+                usage: wgpu::BufferUsages::STORAGE
+                    | wgpu::BufferUsages::COPY_SRC
+                    | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        Self { before: buffer(), now: buffer() }
+    }
+
+    /// Records the end of the frame.
+    pub fn end(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.copy_buffer_to_buffer(&self.now, 0, &self.before, 0, None);
     }
 }

@@ -4,12 +4,13 @@
 
 use glam::{DVec3, UVec2};
 
-use super::gaps::Gaps;
+use super::bins::{AGGREGATES, Bins, Listed, SPLASHES};
+use super::gaps::{self, Gaps};
 use super::gbuffer::{GBuffer, LightMaps, SceneBinding};
 use super::mesh_buffers::MeshBuffers;
 use super::mixture::Mixture;
 use super::smooth::{self, Smooth};
-use super::splat::Splat;
+use super::splat::{self, Splat};
 use super::splat_buffers::SplatBuffers;
 use super::tiles::{Sections, Tiles};
 use super::{CameraBinding, Layers};
@@ -64,8 +65,8 @@ pub struct FrameInputs<'a> {
 pub struct ViewPasses {
     pub camera: CameraBinding,
     pub scene: SceneBinding,
-    pub aggregate: Splat,
-    pub splash: Splat,
+    pub bins: Bins,
+    pub splat: Splat,
     pub mixture: Mixture,
     pub gaps: Gaps,
     pub tiles: Tiles,
@@ -74,7 +75,7 @@ pub struct ViewPasses {
     config: ViewConfig,
     smoothed: bool,
     /// Splats of this view alone, if it sees walls from behind.
-    own_splats: Option<SplatSet>,
+    own_splats: Option<(Splats, SplatSet)>,
 }
 
 /// Configuration of a view.
@@ -94,10 +95,10 @@ pub struct ViewConfig {
     pub levels: u32,
     /// Draw backs, because light leaves the liquid as well as enters it.
     pub backs: bool,
-    /// Cull hidden aggregates, because there are many.
-    pub culled: bool,
     /// Gaps between liquid and liquid that a pixel distinguishes.
     pub gaps: u32,
+    /// Write the particle and fluid of each front.
+    pub tags: bool,
     /// Division of the lists of tiles.
     pub sections: Sections,
 }
@@ -117,6 +118,9 @@ pub struct PassNames {
 }
 
 impl PassNames {
+    /// Number of a view's passes.
+    pub const COUNT: usize = size_of::<Self>() / size_of::<&str>();
+
     /// The names of the camera's passes.
     pub const CAMERA: Self = Self {
         splat: "splat",
@@ -147,12 +151,12 @@ impl ViewPasses {
     pub fn new(gpu: &Gpu, orthographic: bool) -> Self {
         let camera = CameraBinding::new(gpu, orthographic);
         let scene = SceneBinding::new(gpu);
-        let aggregate = Splat::new(gpu, &camera);
-        let splash = aggregate.with_own_layers(gpu);
-        let mixture = Mixture::new(gpu, &camera);
+        let bins = Bins::new(gpu, &camera);
+        let splat = Splat::new(gpu);
+        let mixture = Mixture::new(gpu);
         let gaps = Gaps::new(gpu);
         let tiles = Tiles::new(gpu);
-        let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
+        let smooth = Smooth::new(gpu, &camera, &splat.aggregate);
         let gbuffer = GBuffer::new(gpu);
         let config = ViewConfig {
             size: UVec2::ONE,
@@ -162,15 +166,15 @@ impl ViewPasses {
             host: false,
             levels: 1,
             backs: true,
-            culled: false,
             gaps: 0,
+            tags: false,
             sections: Sections { tiles: 1, words: 2, count: 1 },
         };
         Self {
             camera,
             scene,
-            aggregate,
-            splash,
+            bins,
+            splat,
             mixture,
             gaps,
             tiles,
@@ -191,14 +195,13 @@ impl ViewPasses {
             return;
         }
         let used = |on: bool| if on { (config.size, config.levels) } else { (UVec2::ONE, 1) };
-        self.aggregate.resize(gpu, config.size, config.gaps, config.levels, config.culled);
-        let (size, levels) = used(config.splash);
-        self.splash.resize(gpu, size, config.gaps, levels, false);
+        let ViewConfig { size, gaps, levels, splash, tags, .. } = config;
+        self.splat.resize(gpu, splat::Extent { size, gaps, levels, splash, tags });
         self.mixture.resize(gpu, used(config.mixture).0);
         let size = if config.gaps > 0 { config.size } else { UVec2::ONE };
         self.gaps.resize(gpu, size, config.sections);
         self.tiles.resize(gpu, config.size, config.sections);
-        self.smooth.resize(gpu, &self.aggregate.layers);
+        self.smooth.resize(gpu, &self.splat.aggregate);
         let (size, levels) = used(self.has_gbuffer());
         self.gbuffer.resize(gpu, size, levels);
     }
@@ -206,8 +209,8 @@ impl ViewPasses {
     /// Draws into the textures of another view of the same configuration, which is drawn before and no longer needed then.
     pub fn share(&mut self, other: &Self) {
         self.config = other.config;
-        self.aggregate.share(&other.aggregate);
-        self.splash.share(&other.splash);
+        self.bins.share(&other.bins);
+        self.splat.share(&other.splat);
         self.mixture.share(&other.mixture);
         self.gaps.share(&other.gaps);
         self.tiles.share(&other.tiles);
@@ -220,24 +223,35 @@ impl ViewPasses {
         self.config
     }
 
-    /// Uploads splats for this view alone, if some of the shared ones would show through a wall seen from
-    /// behind.
-    pub fn remove_splats_behind_walls(
+    /// Allocates the lists of the splats that this view draws: the frame's or, if some of them would show through a
+    /// wall seen from behind, its own.
+    pub fn list_splats(
         &mut self,
         gpu: &Gpu,
-        scene: &Scene,
+        frame: FrameInputs<'_>,
         camera: &CameraUniform,
         eye: DVec3,
-        splats: &Splats,
     ) {
         // The third row of the rotation into view space points towards an orthographic view's eye.
         let [x, y, z] = camera.view_from_world.map(|column| f64::from(column[2]));
         let from = if camera.far > 0.0 { Eye::Towards(DVec3::new(x, y, z)) } else { Eye::At(eye) };
-        self.own_splats = seen_past_walls(splats, &scene.solids, from).map(|seen| {
-            let mut own = self.own_splats.take().unwrap_or_else(|| SplatSet::new(gpu));
+        let seen = seen_past_walls(frame.splats, &frame.scene.solids, from);
+        self.own_splats = seen.map(|seen| {
+            let old = self.own_splats.take();
+            let mut own = old.map_or_else(|| SplatSet::new(gpu), |(_, own)| own);
             own.upload(gpu, &seen);
-            own
+            (seen, own)
         });
+        let (splats, set) = match &self.own_splats {
+            Some((splats, set)) => (splats, set),
+            None => (frame.splats, frame.splat_set),
+        };
+        let classes = [
+            Listed { splats: &splats.aggregates, buffers: &set.aggregates },
+            Listed { splats: &splats.splashes, buffers: &set.splashes },
+        ];
+        let swell = if self.config.gaps > 0 { gaps::CLOSING } else { 1.0 };
+        self.bins.prepare(gpu, camera, classes, swell, self.config.mixture);
     }
 
     /// Uploads the view, and the scene relative to it with the lights' views and maps, and compiles
@@ -253,20 +267,16 @@ impl ViewPasses {
     ) {
         let FrameInputs { scene, splats, splat_set, meshes, fits } = frame;
         self.camera.write(gpu, camera);
-        let splat_set = self.own_splats.as_ref().unwrap_or(splat_set);
-        let sizes = splat_set.radii_differ;
-        self.aggregate.prepare(gpu, &self.camera, sizes);
-        if self.config.culled {
-            self.aggregate.prepare_culled(gpu, &self.camera, &splat_set.aggregates);
-        }
+        let sizes = self.seen_splats(splat_set).radii_differ;
+        let drawn = splat::Frame { backs: self.config.backs, sizes, tags: self.config.tags };
+        self.splat.prepare(gpu, &self.camera, &self.bins, drawn);
         self.scene.upload(gpu, scene, meshes, eye, views, maps);
         if self.config.mixture {
-            self.mixture.prepare(gpu, &self.camera, scene, splats.radius);
+            self.mixture.prepare(gpu, &self.camera, &self.bins, scene, splats.radius);
         }
         if self.config.gaps > 0 {
-            let classes = [&splat_set.aggregates, &splat_set.splashes];
             let gaps = self.config.gaps;
-            self.gaps.prepare(gpu, &self.camera, gaps, splats.radius, sizes, classes);
+            self.gaps.prepare(gpu, &self.camera, &self.bins, gaps, splats.radius, sizes);
         }
         // Flags of texels with gaps are written with the smoothed layers.
         self.smoothed = !fits.is_empty() || self.config.gaps > 0;
@@ -293,31 +303,28 @@ impl ViewPasses {
         let encoder = &mut *commands.encoder;
         let camera = &self.camera;
         let liquid = self.seen_splats(frame.splat_set);
-        let backs = self.config.backs;
-        let (aggregates, span) = (&liquid.aggregates, timer.span(names.splat));
-        if self.config.culled {
-            self.aggregate.record_culled(gpu, encoder, camera, aggregates, backs, span);
-        } else {
-            self.aggregate.record(encoder, camera, aggregates, backs, span);
-        }
-        if self.config.splash {
-            let span = timer.span(names.splashes);
-            self.splash.record(encoder, camera, &liquid.splashes, backs, span);
+        let classes = [&liquid.aggregates, &liquid.splashes];
+        let classes = &classes[..if self.config.splash { 2 } else { 1 }];
+        for (class, name) in [(AGGREGATES, names.splat), (SPLASHES, names.splashes)] {
+            let Some(&splats) = classes.get(class) else { continue };
+            let span = timer.span(name);
+            self.bins.record(encoder, camera, class, splats, span.first());
+            self.splat.record(gpu, encoder, camera, &self.bins, (class, splats), span.last());
         }
         if self.config.mixture {
-            let classes = [&liquid.aggregates, &liquid.splashes];
-            self.mixture.record(encoder, camera, classes, timer.span(names.mixture));
+            let span = timer.span(names.mixture);
+            self.mixture.record(gpu, encoder, camera, &self.bins, classes, span);
         }
         if self.config.gaps > 0 {
-            let classes = [(&liquid.aggregates, &self.aggregate), (&liquid.splashes, &self.splash)];
-            let classes = &classes[..if self.config.splash { 2 } else { 1 }];
+            let layers = [&self.splat.aggregate, &self.splat.splash];
+            let classes: Vec<_> = classes.iter().copied().zip(layers).collect();
             let span = timer.span(names.gaps);
-            self.gaps.record(gpu, encoder, camera, &self.tiles, classes, span);
+            self.gaps.record(gpu, encoder, (camera, &self.bins), &self.tiles, &classes, span);
         }
         self.tiles.record(
             gpu,
             encoder,
-            &self.aggregate.layers,
+            &self.splat.aggregate,
             self.splash_layers(),
             timer.span(names.tiles),
         );
@@ -338,17 +345,17 @@ impl ViewPasses {
 
     /// The splats that this view draws: its own, if it has any, or the frame's.
     pub fn seen_splats<'a>(&'a self, frame: &'a SplatSet) -> &'a SplatSet {
-        self.own_splats.as_ref().unwrap_or(frame)
+        self.own_splats.as_ref().map_or(frame, |(_, own)| own)
     }
 
     /// The layers that the liquid is drawn from: smoothed, if there was smoothing.
     pub fn aggregate_layers(&self) -> &Layers {
-        if self.smoothed { &self.smooth.layers } else { &self.aggregate.layers }
+        if self.smoothed { &self.smooth.layers } else { &self.splat.aggregate }
     }
 
     /// The layers of the splashes, if the frame has any.
     pub fn splash_layers(&self) -> Option<&Layers> {
-        self.config.splash.then_some(&self.splash.layers)
+        self.config.splash.then_some(&self.splat.splash)
     }
 
     /// Whether the G-buffer is filled.

@@ -637,3 +637,23 @@ fn extreme_settings_stay_finite() {
         }
     }
 }
+
+/// Classification marks most of a large body as surrounded, but no part of a sheet or drop.
+#[test]
+fn bodies_are_marked_as_surrounded_and_sheets_are_not() {
+    let r = 0.02;
+    let block = |counts: [usize; 3]| {
+        let [x, y, z] = counts;
+        let place = |i: usize| Vec3::new((i % x) as f32, (i / x % y) as f32, (i / x / y) as f32);
+        let positions = (0..x * y * z).map(|i| 2.0 * r * place(i)).collect();
+        let particles = Particles { positions, ..Default::default() };
+        let splats = classify(&particles, r, &Default::default());
+        splats.aggregates.iter().filter(|splat| splat.is_buried()).count()
+    };
+    let inside = block([20, 20, 20]);
+    assert!((16usize.pow(3)..=18usize.pow(3)).contains(&inside), "{inside} of 8000");
+    assert_eq!(block([40, 40, 1]), 0);
+    assert_eq!(block([40, 40, 2]), 0);
+    assert_eq!(block([2, 2, 2]), 0);
+    assert_eq!(block([3, 3, 3]), 1, "the central particle");
+}

@@ -1,7 +1,7 @@
-//! `splat.wgsl`: maps to the unit sphere, depth bounds and bounding rectangles of ellipsoids.
+//! `splat/ellipsoid.wgsl`: maps to the unit sphere, and bounding rectangles of ellipsoids.
 
-use glam::{DMat3, DVec2, DVec3, UVec2, Vec2, Vec3};
-use limpid::camera::{Camera, CameraUniform};
+use glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
+use limpid::camera::Camera;
 
 use super::support::{Kernel, Random, gpu, uniform};
 use super::view::case;
@@ -24,7 +24,7 @@ fn entries(m: DMat3) -> [f64; 6] {
 fn splat_matrices_are_inverted() {
     let Some(gpu) = gpu() else { return };
     let kernel = Kernel {
-        imports: &["splat.wgsl"],
+        imports: &["splat/ellipsoid.wgsl"],
         body: "fn test(x: array<f32, 6>) -> array<f32, 9> {
             let m = symmetric_inverse(vec3f(x[0], x[1], x[2]), vec3f(x[3], x[4], x[5]));
             return array(m[0].x, m[0].y, m[0].z, m[1].x, m[1].y, m[1].z, m[2].x, m[2].y, m[2].z);
@@ -57,80 +57,6 @@ fn splat_matrices_are_inverted() {
     }
 }
 
-/// No fragment writes a depth beyond the bound that devices use for early depth tests, nearer for fronts,
-/// farther for backs, from nearby millimetre drops to distant boulders and across the near plane, in
-/// perspective and orthographic views; and the bound is tight to about the depth extent of the ellipsoid.
-#[test]
-fn depths_are_within_their_bound() {
-    let Some(gpu) = gpu() else { return };
-    let camera = Camera {
-        eye: DVec3::ZERO,
-        target: DVec3::new(0.3, -0.2, -1.0),
-        up: Vec3::Y,
-        fov_y: 60.0,
-        near: Some(0.01),
-        lens: None,
-    };
-    let perspective = camera.uniform(UVec2::new(640, 480), DVec3::ZERO);
-    let sun = CameraUniform { tangent: Vec2::new(8.0, 6.0), far: 400.0, ..perspective };
-    let forward = camera.target.normalize();
-    let views = [(perspective, 0.0), (sun, 1.0)];
-    for ((view, orthographic), back) in views.into_iter().flat_map(|v| [(v, 0.0), (v, 1.0)]) {
-        let buffer = uniform(gpu, &view);
-        let kernel = Kernel {
-            imports: &["splat.wgsl"],
-            body: "fn test(x: array<f32, 11>) -> array<f32, 4> {
-                let splat = Splat(vec3f(x[6], x[7], x[8]), 0.0, vec3f(x[0], x[1], x[2]), 0u,
-                    vec3f(x[3], x[4], x[5]), 0u);
-                let placed = splat_in_view(splat);
-                let low = splat_corner(0u, placed.centre, placed.rows);
-                let high = splat_corner(3u, placed.centre, placed.rows);
-                let ndc = mix(low, high, vec2f(x[9], x[10]));
-                let u = (ndc * vec2f(0.5, -0.5) + 0.5) * camera.size;
-                let chord = splat_chord(placed.centre, splat_to_sphere(splat), camera_omega(u), camera.near);
-                let side = select(-chord.half_length, chord.half_length, SIDE == BACK);
-                let z = max(chord.middle + side, camera.near);
-                let deepest = depth_at(max(-placed.centre.z
-                    - select(-1.0, 1.0, SIDE == BACK) * length(placed.rows[2]), camera.near));
-                return array(select(0.0, 1.0, chord.hit), depth_at(z), depth_bound(placed), deepest);
-            }",
-            constants: &[("SIDE", back), ("ORTHOGRAPHIC", orthographic)],
-            resources: &[(0, 0, buffer.as_entire_binding())],
-        };
-        let mut random = Random(23);
-        let cases: Vec<[f32; 11]> = (0..20_000)
-            .map(|i| {
-                let turn = turn(&mut random);
-                let distance = random.magnitude(0.02, 300.0);
-                let size = (distance * random.magnitude(1e-4, 1.0)).min(5.0);
-                let flat = if i % 2 == 0 { 0.2 } else { 1e-3 };
-                let axes = DVec3::new(1.0, random.range(0.2, 1.0), flat) * size;
-                let m = turn * DMat3::from_diagonal(axes) * turn.transpose();
-                let centre = distance * forward + 0.2 * distance.min(10.0) * random.direction();
-                let place = [random.unit(), random.unit()];
-                case(&[&entries(m), &centre.to_array(), &place])
-            })
-            .collect();
-        let results: Vec<[f32; 4]> = kernel.run(gpu, &cases);
-        let mut hits = 0;
-        for (x, [hit, depth, bound, other_end]) in cases.iter().zip(results) {
-            // Depths beyond the far plane are clipped.
-            if hit == 0.0 || !(0.0..=1.0).contains(&depth) {
-                continue;
-            }
-            hits += 1;
-            let towards = 1.0 - 2.0 * back as f32;
-            assert!(towards * (bound - depth) >= 0.0, "{x:?}: {depth} is beyond {bound}");
-            let across = (bound - other_end).abs();
-            assert!(
-                (bound - depth).abs() <= 2.0 * across + 1e-3 * bound + 2e-6,
-                "{x:?}: the bound {bound} is not tight"
-            );
-        }
-        assert!(hits > 5000, "{hits} rays hit");
-    }
-}
-
 /// The bounding rectangle of an ellipsoid that the near plane cuts contains every pixel whose ray hits the
 /// remaining part, and exceeds it by at most a fraction of a pixel. Looser rectangles would fill the
 /// picture when the eye is near or inside liquid.
@@ -150,14 +76,14 @@ fn rectangles_of_cut_splats_are_tight() {
     let (near, tangent) = (f64::from(view.near), view.tangent.as_dvec2());
     let buffer = uniform(gpu, &view);
     let kernel = Kernel {
-        imports: &["splat.wgsl"],
+        imports: &["splat/ellipsoid.wgsl"],
         body: "fn test(x: array<f32, 9>) -> array<f32, 4> {
             let splat = Splat(vec3f(x[6], x[7], x[8]), 0.0, vec3f(x[0], x[1], x[2]), 0u,
                 vec3f(x[3], x[4], x[5]), 0u);
-            let placed = splat_in_view(splat);
-            let low = splat_corner(0u, placed.centre, placed.rows);
-            let high = splat_corner(3u, placed.centre, placed.rows);
-            return array(low.x, low.y, high.x, high.y);
+            // With the margin of `tiles_within`.
+            let margin = vec4f(-0.125, -0.125, 0.125, 0.125);
+            let bounds = (splat_bounds(splat_in_view(splat)) + margin) / camera.size.xyxy * 2.0 - 1.0;
+            return array(bounds.x, -bounds.w, bounds.z, -bounds.y);
         }",
         constants: &[],
         resources: &[(0, 0, buffer.as_entire_binding())],

@@ -64,11 +64,11 @@ fn counts_of_one_ball() {
     assert_eq!(counts.background_rays, f64::from(SIZE.element_product()) - n);
     assert_eq!(counts.tiles, 20.0 * 15.0);
     assert!(counts.liquid_tiles >= n / 64.0 && counts.liquid_tiles <= 4.0 * n / 64.0);
-    // Read the splat, clear the layer, write the depth; for two sides.
+    // Read the splat, write where it is placed, and both sides of each pixel.
     let pixels = f64::from(SIZE.element_product());
     let (bytes, operations) = work("splat", &counts).expect("a model");
-    assert_eq!(bytes, 2.0 * (48.0 + 16.0 * pixels + 4.0 * n));
-    assert_eq!(operations, 2.0 * (220.0 + 90.0 * n));
+    assert_eq!(bytes, 112.0 + 2.0 * 16.0 * pixels);
+    assert_eq!(operations, 300.0 + 60.0 * n + 2.0 * 60.0 * n);
     assert_eq!(work("light splat", &counts), Some((bytes, operations)));
 
     // The same ball twice: twice the fragments on the same pixels. And as splashes.
@@ -152,7 +152,7 @@ fn light_counts_of_one_ball() {
     assert!(light_counts(&scene, &ball).is_empty());
 }
 
-/// An empty frame has finite, non-negative costs, which are those of clearing.
+/// An empty frame has finite, non-negative costs, which are those of writing empty layers.
 #[test]
 fn costs_of_an_empty_frame() {
     let nothing = Splats { radius: 0.1, ..Default::default() };

@@ -142,7 +142,7 @@ impl Bench {
         };
         let [map, receivers] = &self.outputs;
         let output = Output { map, receivers, layer: 0 };
-        let mut timer = Timer::new(gpu, true);
+        let mut timer = Timer::new(gpu, true, 1);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let mut commands = Commands::new(gpu, &mut encoder);
         let span = timer.span("caustics");
@@ -376,7 +376,7 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         host: false,
         levels: 1,
         backs,
-        culled: false,
+        tags: false,
         gaps: 0,
         sections: Sections::for_work(gpu, view.size, smooth::work(&scene.settings.smooth)),
     };
@@ -387,8 +387,9 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     let mut meshes = MeshBuffers::new(gpu);
     meshes.prepare(gpu, scene)?;
     let frame = FrameInputs { scene, splats, splat_set: &liquid, meshes: &meshes, fits: &fits };
+    surfaces.list_splats(gpu, frame, &uniform, view.origin);
     surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
-    let timer = &mut Timer::new(gpu, false);
+    let timer = &mut Timer::new(gpu, false, 0);
     surfaces.record(gpu, &mut commands, frame, timer, PassNames::LIGHT);
     commands.submit();
     gpu.check()?;

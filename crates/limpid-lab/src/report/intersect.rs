@@ -90,7 +90,7 @@ impl Bench {
         ];
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let all: Vec<_> = textures.iter().collect();
-        Mips::new(gpu).record(gpu, &mut encoder, &all, Timer::new(gpu, false).span("mips"));
+        Mips::new(gpu).record(gpu, &mut encoder, &all, Timer::new(gpu, false, 0).span("mips"));
         gpu.queue.submit([encoder.finish()]);
 
         let bindings = [
@@ -227,7 +227,7 @@ impl Bench {
         let views = [&self.hits, &self.tallies].map(|t| t.create_view(&Default::default()));
         let resources = views.each_ref().map(wgpu::BindingResource::TextureView);
         let outputs = gpu::bind_group(gpu, "report outputs", &self.outputs, &resources);
-        let mut timer = Timer::new(gpu, true);
+        let mut timer = Timer::new(gpu, true, 1);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {

@@ -134,23 +134,23 @@ struct Work(&'static str, fn(&Counts) -> f64, f64, f64);
 /// the shaders: an addition, multiplication or comparison is one; a division, root or exponential
 /// four.
 const MODEL: [Work; 45] = [
-    // Each splat is read and bounded once per side; each of its pixels is intersected. Each texel
-    // is written once, with its depth.
-    Work("splat", |c| c.sides * c.aggregates, 48.0, 220.0),
-    Work("splat", |c| c.sides * c.aggregate_fragments, 0.0, 90.0),
+    // Each splat is read, bounded and placed once; each of its pixels is intersected for both sides at
+    // once. Each texel is written once, with the plane of the splat that was found.
+    Work("splat", |c| c.aggregates, 48.0 + 64.0, 300.0),
+    Work("splat", |c| c.aggregate_fragments, 0.0, 60.0),
     Work("splat", |c| c.sides * c.pixels, 16.0, 0.0),
-    Work("splat", |c| c.texels(), 4.0, 0.0),
-    Work("splat splashes", |c| c.sides * c.splashes, 48.0, 220.0),
-    Work("splat splashes", |c| c.sides * c.splash_fragments, 0.0, 90.0),
+    Work("splat", |c| c.texels(), 0.0, 60.0),
+    Work("splat splashes", |c| c.splashes, 48.0 + 64.0, 300.0),
+    Work("splat splashes", |c| c.splash_fragments, 0.0, 60.0),
     Work("splat splashes", |c| c.sides * c.pixels, 16.0, 0.0),
-    Work("splat splashes", |c| c.sides * c.splash_pixels, 4.0, 0.0),
-    // Each splat is read once; each of its pixels adds to four half floats.
-    Work("mixture", |c| c.aggregates + c.splashes, 48.0, 220.0),
-    Work("mixture", |c| c.aggregate_fragments + c.splash_fragments, 0.0, 70.0),
+    Work("splat splashes", |c| c.sides * c.splash_pixels, 0.0, 60.0),
+    // Each splat is read once; each of its pixels adds to four sums.
+    Work("mixture", |c| c.aggregates + c.splashes, 48.0, 0.0),
+    Work("mixture", |c| c.aggregate_fragments + c.splash_fragments, 0.0, 60.0),
     Work("mixture", |c| c.pixels, 8.0, 0.0),
     // Each splat is read once, and marks a word of each cell of 4 × 4 pixels; cells are read once. How many
     // pixels have gaps is not counted.
-    Work("gaps", |c| c.aggregates + c.splashes, 48.0, 220.0),
+    Work("gaps", |c| c.aggregates + c.splashes, 48.0, 0.0),
     Work("gaps", |c| (c.aggregate_fragments + c.splash_fragments) / 16.0, 0.0, 90.0),
     Work("gaps", |c| c.classes * c.pixels / 16.0, 8.0, 4.0),
     Work("smooth gaps", |c| c.tiles, 4.0, 0.0),
@@ -381,7 +381,7 @@ impl Cut {
         (0.5 * size + scale * low, 0.5 * size + scale * high)
     }
 
-    /// The least and the greatest x / depth, or y / depth; as `cut_slopes` in `splat.wgsl`.
+    /// The least and the greatest x / depth, or y / depth; as `cut_slopes` in `splat/ellipsoid.wgsl`.
     fn slopes(&self, axis: usize) -> [f64; 2] {
         let (a, g) = (self.axes.row(axis), self.axes.row(2));
         let (x, depth) = (self.centre[axis], -self.centre.z);

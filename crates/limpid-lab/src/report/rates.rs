@@ -106,7 +106,7 @@ impl Kernel {
     /// later, both at once: 0.04 ms for 32 MB that took 4 ms. Where the clock tells of a run that is
     /// that much longer, its time counts.
     fn run(&self, gpu: &Gpu, groups: u32) -> Result<Option<f64>> {
-        let mut timer = Timer::new(gpu, true);
+        let mut timer = Timer::new(gpu, true, 1);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
