@@ -284,7 +284,7 @@ fn shared_constants_agree() {
     let table = [
         ("gbuffer.wgsl", "MAX_SOLIDS", scene::MAX_SOLIDS as u32),
         ("gbuffer.wgsl", "MAX_LIGHTS", scene::MAX_LIGHTS as u32),
-        ("mixture.wgsl", "MAX_FLUIDS", scene::MAX_FLUIDS as u32),
+        ("mixture/sums.wgsl", "MAX_FLUIDS", scene::MAX_FLUIDS as u32),
         ("gbuffer.wgsl", "MAX_LIGHT_VIEWS", (scene::MAX_LIGHTS * gbuffer::LIGHT_VIEWS) as u32),
         ("tiles.wgsl", "TILE", gpu::TILE),
         ("splat/layers.wgsl", "FLUID", classify::Splat::BURIED - 1),

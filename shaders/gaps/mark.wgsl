@@ -6,7 +6,7 @@
 @group(3) @binding(0) var layers: $layers;
 @group(3) @binding(1) var<storage, read_write> marks: array<u32>;
 
-override FIRST: bool = true; // no chunk is before
+override ALONE: bool = true; // the class has one chunk; otherwise marks are 0 at first
 
 const CELLS: u32 = CELLS_PER_TILE * CELLS_PER_TILE;
 
@@ -68,7 +68,7 @@ fn mark_tile(tile: u32, thread: u32) {
         for (var word = 0u; word < WORDS; word++) {
             let at = (xy.y * across + xy.x) * WORDS + word;
             let marked = atomicLoad(&found[cell * WORDS + word]);
-            if FIRST {
+            if ALONE {
                 marks[at] = marked;
             } else {
                 marks[at] |= marked;
@@ -78,26 +78,10 @@ fn mark_tile(tile: u32, thread: u32) {
     workgroupBarrier();
 }
 
-fn clear_tile(tile: u32, thread: u32) {
-    let xy = tile_at(tile) * CELLS_PER_TILE + vec2u(thread % CELLS_PER_TILE, thread / CELLS_PER_TILE);
-    let size = vec2u(camera.size);
-    if thread < CELLS && all(xy * CELL < size) {
-        for (var word = 0u; word < WORDS; word++) {
-            marks[(xy.y * cells_across(size.x) + xy.x) * WORDS + word] = 0u;
-        }
-    }
-}
-
 @compute @workgroup_size(THREADS)
 fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
-    for (var i = 0u; i < TILES; i++) {
-        let tile = group_index(group) * TILES + i;
-        // Loops, because software adapters execute both sides of a branch.
-        for (var left = turns(is_listed(tile)); left > 0u; left--) {
-            mark_tile(tile, thread);
-        }
-        for (var left = turns(FIRST && is_drawn(tile) && !is_listed(tile)); left > 0u; left--) {
-            clear_tile(tile, thread);
-        }
+    let tile = busy_tile(group);
+    if tile != NO_TILE {
+        mark_tile(tile, thread);
     }
 }

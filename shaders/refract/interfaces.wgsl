@@ -46,7 +46,7 @@ override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
 
 @group(1) @binding(0) var<uniform> params: Params;
 @group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
-@group(1) @binding(5) var mixture: texture_2d<f32>; // absorption times length, length: mixture.wgsl
+@group(1) @binding(5) var mixture: texture_2d<f32>; // absorption times length, length: mixture/sums.wgsl
 @group(1) @binding(6) var gbuffer_surfaces: texture_2d<f32>; // world normal, solid index
 
 // Reflectance above which an internal reflection is followed and the transmitted ray is only looked up.

@@ -1,5 +1,5 @@
-// The grain of software adapters: a thread draws a column of eight pixels, four to a vector, and a workgroup several
-// tiles one after the other, because starting one takes as long as some thousand operations.
+// The grain of software adapters: a thread draws a column of eight pixels, four to a vector, because starting a
+// workgroup takes as long as some thousand operations.
 
 alias Real = vec4f;
 alias Index = vec4u;
@@ -8,7 +8,6 @@ alias Truth = vec4<bool>;
 // As in splat/pixel.wgsl.
 const ROWS: u32 = 8u;
 const PARTS: u32 = 2u;
-const TILES: u32 = 8u;
 const STAGED: bool = false;
 
 fn rows_below(u: vec2f) -> Real {

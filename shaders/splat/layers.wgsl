@@ -11,9 +11,6 @@
 @group(3) @binding(1) var tags: texture_storage_2d<rg32uint, write>;
 // Depths of fronts and backs.
 @group(3) @binding(2) var state: texture_storage_2d_array<r32uint, read_write>;
-// Of each tile, whether the frame before has drawn into it, and whether this one does.
-@group(3) @binding(3) var<storage, read> filled_before: array<u32>;
-@group(3) @binding(4) var<storage, read_write> filled: array<u32>;
 
 override BACKS: bool = true;  // draw backs
 override SIZES: bool = false; // radii differ, so that planes bear sizes: common/sizes.wgsl
@@ -112,25 +109,6 @@ fn store(p: vec2u, begun: Sides, sides: Sides) {
     }
 }
 
-// What a tile without splats stores.
-fn store_nothing(p: vec2u) {
-    for (var i = 0u; i < ROWS; i++) {
-        let texel = p + vec2u(0u, i);
-        if any(texel >= vec2u(camera.size)) {
-            continue;
-        }
-        textureStore(layers, texel, 0, vec4f(0.0));
-        textureStore(layers, texel, 1, vec4f(0.0));
-        if TAGS {
-            textureStore(tags, texel, vec4u(0u));
-        }
-        if !LAST {
-            textureStore(state, texel, 0, vec4u(bitcast<u32>(NOWHERE)));
-            textureStore(state, texel, 1, vec4u(0u));
-        }
-    }
-}
-
 // A plane with the size of its particle, where sizes differ.
 fn sized(plane: vec4f, index: u32) -> vec4f {
     if SIZES {
@@ -188,20 +166,8 @@ fn layers_of_tiles(
     @builtin(local_invocation_id) local: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    for (var i = 0u; i < TILES; i++) {
-        let tile = group_index(group) * TILES + i;
-        let drawn = is_drawn(tile);
-        let listed = is_listed(tile);
-        // Loops, because software adapters execute both sides of a branch.
-        for (var left = turns(listed); left > 0u; left--) {
-            draw(tile, local.xy, thread);
-        }
-        // An empty tile keeps what it has, unless that is liquid.
-        for (var left = turns(FIRST && drawn && !listed && (!LAST || filled_before[tile] != 0u)); left > 0u; left--) {
-            store_nothing(tile_at(tile) * TILE + local.xy * vec2u(1u, ROWS));
-        }
-        if thread == 0u && drawn && (FIRST || listed) {
-            filled[tile] = turns(listed);
-        }
+    let tile = busy_tile(group);
+    if tile != NO_TILE {
+        draw(tile, local.xy, thread);
     }
 }

@@ -10,6 +10,13 @@
 @group(2) @binding(2) var<storage, read> starts: array<u32>;
 @group(2) @binding(3) var<storage, read> cursors: array<vec2u>;
 @group(2) @binding(4) var<storage, read> list: array<u32>;
+@group(2) @binding(5) var<storage, read> busy: Numbers;
+
+// Numbers of tiles.
+struct Numbers {
+    count: u32,
+    tiles: array<u32>,
+}
 
 // Threads of a workgroup, and rows of a part.
 const THREADS: u32 = TILE * TILE / ROWS;
@@ -36,18 +43,15 @@ fn entries_of(tile: u32) -> Entries {
     return Entries(begin, begin + cursors[tile].x, starts[tile + 1u] - base);
 }
 
-// Whether there is such a tile in the band.
-fn is_drawn(tile: u32) -> bool {
-    return tile < params.tiles.x * params.tiles.y && band_of(starts[tile]) == params.band;
-}
+// A workgroup's tile, if it is in the band; otherwise none.
+const NO_TILE: u32 = 0xffffffffu;
 
-// Whether it has splats, swollen ones or not.
-fn is_listed(tile: u32) -> bool {
-    return is_drawn(tile) && starts[tile] < starts[tile + 1u];
-}
-
-fn turns(condition: bool) -> u32 {
-    return select(0u, 1u, condition);
+fn busy_tile(group: vec3u) -> u32 {
+    let number = group_index(group);
+    if number >= busy.count || band_of(starts[busy.tiles[number]]) != params.band {
+        return NO_TILE;
+    }
+    return busy.tiles[number];
 }
 
 // A splat's chords through the pixels of a part, at `camera_omega` x and y, as `splat_chord`.

@@ -7,8 +7,6 @@ alias Truth = bool;
 // Pixels of a thread, one below the other, and values in which they are held.
 const ROWS: u32 = 1u;
 const PARTS: u32 = 1u;
-// Tiles of a workgroup.
-const TILES: u32 = 1u;
 // Whether lists are read through workgroup memory.
 const STAGED: bool = true;
 

@@ -40,7 +40,9 @@ pub const FILES: &[(&str, &str)] = &[
     ("splat/column.wgsl", include_str!("../../shaders/splat/column.wgsl")),
     ("splat/lists.wgsl", include_str!("../../shaders/splat/lists.wgsl")),
     ("splat/layers.wgsl", include_str!("../../shaders/splat/layers.wgsl")),
-    ("mixture.wgsl", include_str!("../../shaders/mixture.wgsl")),
+    ("splat/empty.wgsl", include_str!("../../shaders/splat/empty.wgsl")),
+    ("mixture/sums.wgsl", include_str!("../../shaders/mixture/sums.wgsl")),
+    ("mixture/empty.wgsl", include_str!("../../shaders/mixture/empty.wgsl")),
     ("gaps/cells.wgsl", include_str!("../../shaders/gaps/cells.wgsl")),
     ("gaps/mark.wgsl", include_str!("../../shaders/gaps/mark.wgsl")),
     ("gaps/sides.wgsl", include_str!("../../shaders/gaps/sides.wgsl")),
@@ -100,7 +102,9 @@ pub const ROOTS: &[&str] = &[
     "bins/scan.wgsl",
     "bins/fill.wgsl",
     "splat/layers.wgsl",
-    "mixture.wgsl",
+    "splat/empty.wgsl",
+    "mixture/sums.wgsl",
+    "mixture/empty.wgsl",
     "gaps/mark.wgsl",
     "gaps/split.wgsl",
     "gaps/sides.wgsl",
@@ -166,14 +170,6 @@ pub enum Grain {
 }
 
 impl Grain {
-    /// Tiles of a workgroup: as `TILES` in the grain's file.
-    pub fn tiles(self) -> u32 {
-        match self {
-            Self::Pixel => 1,
-            Self::Column => 8,
-        }
-    }
-
     fn file(self) -> &'static str {
         match self {
             Self::Pixel => "splat/pixel.wgsl",

@@ -6,6 +6,8 @@
 //! The memory for the lists is known before they are made, from bounds of the splats on the CPU. Where it exceeds what
 //! one binding holds, the picture is drawn in bands of tiles; splats that exceed one binding are drawn in chunks.
 
+use std::collections::HashMap;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, UVec2, Vec3};
 use rayon::prelude::*;
@@ -58,10 +60,11 @@ pub struct Bins {
     layouts: Layouts,
     pipelines: Pipelines,
     classes: [Vec<Chunk>; 2],
+    /// Of each class and tile, whether it is drawn: in the frame before or, once its lists are made, in this one.
+    filled: [wgpu::Buffer; 2],
     /// What chunks hand over to the next, for each pixel; one pixel unless [`Bins::prepare`] finds that it is needed.
     state: wgpu::Texture,
     grain: Grain,
-    size: UVec2,
 }
 
 #[derive(Debug)]
@@ -77,7 +80,9 @@ struct Pipelines {
     project: wgpu::ComputePipeline,
     count_large: wgpu::ComputePipeline,
     sum: wgpu::ComputePipeline,
-    scan: wgpu::ComputePipeline,
+    /// By whether the chunk is the first and the last.
+    scan: HashMap<[bool; 2], wgpu::ComputePipeline>,
+    arrange: wgpu::ComputePipeline,
     fill: wgpu::ComputePipeline,
     fill_large: wgpu::ComputePipeline,
 }
@@ -108,6 +113,9 @@ struct Buffers {
     list: wgpu::Buffer,
     large: wgpu::Buffer,
     blocks: wgpu::Buffer,
+    busy: wgpu::Buffer,
+    emptied: wgpu::Buffer,
+    dispatches: wgpu::Buffer,
 }
 
 /// A band of a chunk, whose lists are made.
@@ -117,9 +125,33 @@ pub struct Part {
     pub first: bool,
     /// No chunk of the class follows.
     pub last: bool,
-    /// Workgroups over all tiles.
-    pub groups: u32,
 }
+
+impl Part {
+    /// Specialisation: whether the chunk is the first and the last.
+    pub fn ends(self) -> [bool; 2] {
+        [self.first, self.last]
+    }
+}
+
+/// Tiles of a class that have splats no more.
+#[derive(Debug, Clone, Copy)]
+pub struct Emptied<'a> {
+    /// The tiles: `TileList`, by number.
+    pub tiles: &'a wgpu::Buffer,
+    /// Arguments of the dispatch over them.
+    dispatches: &'a wgpu::Buffer,
+}
+
+impl Emptied<'_> {
+    /// Dispatches a workgroup for each tile.
+    pub fn dispatch(self, pass: &mut wgpu::ComputePass<'_>) {
+        pass.dispatch_workgroups_indirect(self.dispatches, EMPTIED);
+    }
+}
+
+/// Offset of the arguments over the emptied tiles; those over the busy ones are first.
+const EMPTIED: u64 = 16;
 
 /// What the lists of a class are made of.
 #[derive(Debug, Clone, Copy)]
@@ -140,9 +172,7 @@ impl Bins {
             let layouts = [&camera.layout, &splats, &layouts.project];
             gpu::compute_pipeline(gpu, "bins/project.wgsl", entry, &layouts, &constants)
         };
-        let scan = |entry: &str| {
-            gpu::compute_pipeline(gpu, "bins/scan.wgsl", entry, &[&layouts.scan], &[])
-        };
+        let scan = |entry: &str| layouts.scan_pipeline(gpu, entry, [true, true]);
         let fill = |entry: &str| {
             let layouts = [&camera.layout, &splats, &layouts.fill];
             gpu::compute_pipeline(gpu, "bins/fill.wgsl", entry, &layouts, &[])
@@ -151,7 +181,8 @@ impl Bins {
             project: project("project"),
             count_large: project("count_large"),
             sum: scan("sum"),
-            scan: scan("scan"),
+            scan: HashMap::from([([true, true], scan("scan"))]),
+            arrange: scan("arrange"),
             fill: fill("fill"),
             fill_large: fill("fill_large"),
         };
@@ -159,10 +190,21 @@ impl Bins {
             layouts,
             pipelines,
             classes: [Vec::new(), Vec::new()],
+            filled: [(); 2].map(|()| create_filled(gpu, UVec2::ONE)),
             state: create_state(gpu, UVec2::ONE),
             grain: gpu.grain(),
-            size: UVec2::ONE,
         }
+    }
+
+    /// The tiles of a class that have splats no more, or not yet in the first of several chunks.
+    pub fn emptied(&self, class: usize) -> Emptied<'_> {
+        let Buffers { emptied, dispatches, .. } = &self.classes[class][0].buffers;
+        Emptied { tiles: emptied, dispatches }
+    }
+
+    /// Whether a class is drawn in several chunks.
+    pub fn is_divided(&self, class: usize) -> bool {
+        self.classes[class].len() > 1
     }
 
     /// Whether chunks are the first and the last of their class, for each kind that there is.
@@ -184,10 +226,14 @@ impl Bins {
         gpu::array_view(&self.state)
     }
 
+    /// Starts with the empty images of a view of `size` pixels.
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
+        self.filled = [(); 2].map(|()| create_filled(gpu, size));
+    }
+
     /// Takes the buffers of another view, which is drawn before.
     pub fn share(&mut self, other: &Self) {
-        self.state = other.state.clone();
-        self.size = other.size;
+        (self.state, self.filled) = (other.state.clone(), other.filled.clone());
         for (own, other) in self.classes.iter_mut().zip(&other.classes) {
             // [`Bins::prepare`] keeps the buffers.
             *own = other.clone();
@@ -205,8 +251,8 @@ impl Bins {
         summed: bool,
     ) {
         let size = camera.size.as_uvec2();
-        self.size = size;
-        for (chunks, Listed { splats, buffers }) in self.classes.iter_mut().zip(classes) {
+        let images = self.classes.iter_mut().zip(&self.filled);
+        for ((chunks, filled), Listed { splats, buffers }) in images.zip(classes) {
             let mut old = std::mem::take(chunks).into_iter().map(|chunk| chunk.buffers);
             let mut rest = splats;
             for bound in buffers.chunks() {
@@ -220,8 +266,12 @@ impl Bins {
                 let params =
                     Params { splats: bound.count, lanes, tiles, swell, ..Zeroable::zeroed() };
                 let most = most_entries(splats, camera, swell);
-                chunks.push(self.layouts.new_chunk(gpu, params, most, old.next()));
+                chunks.push(self.layouts.new_chunk(gpu, params, most, old.next(), filled));
             }
+        }
+        for ends in self.ends() {
+            let scan = || self.layouts.scan_pipeline(gpu, "scan", ends);
+            self.pipelines.scan.entry(ends).or_insert_with(scan);
         }
         let handed_over = summed || self.classes.iter().any(|chunks| chunks.len() > 1);
         let wanted = if handed_over { size } else { UVec2::ONE };
@@ -240,13 +290,17 @@ impl Bins {
         span: Span<'_>,
     ) {
         for chunk in &self.classes[class] {
-            encoder.clear_buffer(&chunk.buffers.large, 0, Some(4));
+            let Buffers { large, busy, emptied, .. } = &chunk.buffers;
+            for list in [large, busy, emptied] {
+                encoder.clear_buffer(list, 0, Some(4));
+            }
         }
+        let last = self.classes[class].len() - 1;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("bins"),
             timestamp_writes: span.compute(),
         });
-        for (chunk, bound) in self.classes[class].iter().zip(splats.chunks()) {
+        for (i, (chunk, bound)) in self.classes[class].iter().zip(splats.chunks()).enumerate() {
             let [x, y] = chunk.params.tiles;
             let blocks = (x * y).div_ceil(BLOCK);
             pass.set_bind_group(0, &camera.group, &[]);
@@ -259,8 +313,10 @@ impl Bins {
             pass.set_bind_group(0, &chunk.scan, &[]);
             pass.set_pipeline(&self.pipelines.sum);
             gpu::dispatch(&mut pass, blocks);
-            pass.set_pipeline(&self.pipelines.scan);
+            pass.set_pipeline(&self.pipelines.scan[&[i == 0, i == last]]);
             gpu::dispatch(&mut pass, blocks);
+            pass.set_pipeline(&self.pipelines.arrange);
+            pass.dispatch_workgroups(1, 1, 1);
             pass.set_bind_group(0, &camera.group, &[]);
             if let [whole] = &chunk.bands[..] {
                 self.fill(&mut pass, chunk, whole);
@@ -286,7 +342,7 @@ impl Bins {
     }
 
     /// Records a compute pass over each part of a class, whose lists are made by [`Bins::record`]: `draw` sets the
-    /// pipeline and group 3 and dispatches.
+    /// pipeline and group 3 and dispatches, with the arguments in the buffer for a workgroup for each tile with splats.
     pub fn draw(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -294,7 +350,7 @@ impl Bins {
         class: usize,
         splats: &SplatBuffers,
         span: Span<'_>,
-        mut draw: impl FnMut(&mut wgpu::ComputePass<'_>, Part),
+        mut draw: impl FnMut(&mut wgpu::ComputePass<'_>, Part, &wgpu::Buffer),
     ) {
         let chunks = &self.classes[class];
         for chunk in chunks.iter().filter(|chunk| chunk.bands.len() > 1) {
@@ -306,19 +362,14 @@ impl Bins {
         });
         pass.set_bind_group(0, &camera.group, &[]);
         for (i, (chunk, bound)) in chunks.iter().zip(splats.chunks()).enumerate() {
-            let [x, y] = chunk.params.tiles;
             for band in &chunk.bands {
                 pass.set_bind_group(1, &bound.group, &[]);
                 if chunk.bands.len() > 1 {
                     self.fill(&mut pass, chunk, band);
                 }
                 pass.set_bind_group(2, &band.read, &[]);
-                let part = Part {
-                    first: i == 0,
-                    last: i + 1 == chunks.len(),
-                    groups: (x * y).div_ceil(self.grain.tiles()),
-                };
-                draw(&mut pass, part);
+                let part = Part { first: i == 0, last: i + 1 == chunks.len() };
+                draw(&mut pass, part, &chunk.buffers.dispatches);
             }
         }
     }
@@ -339,22 +390,47 @@ impl Layouts {
             ),
             scan: layout(
                 "scanned bins",
-                &[written(word), written(pair), written(pair), written(word)],
+                &[
+                    written(word),
+                    written(pair),
+                    written(pair),
+                    written(word),
+                    written(pair),
+                    written(pair),
+                    written(word),
+                    written(32),
+                ],
             ),
             fill: layout(
                 "filled bins",
                 &[params, read(rect), read(pair), written(pair), written(word), read(pair)],
             ),
-            read: layout("bins", &[params, read(placed), read(pair), read(pair), read(word)]),
+            read: layout(
+                "bins",
+                &[params, read(placed), read(pair), read(pair), read(word), read(pair)],
+            ),
         }
     }
 
+    fn scan_pipeline(&self, gpu: &Gpu, entry: &str, ends: [bool; 2]) -> wgpu::ComputePipeline {
+        let [first, last] = ends.map(|end| f64::from(u8::from(end)));
+        let constants = [("FIRST", first), ("LAST", last)];
+        gpu::compute_pipeline(gpu, "bins/scan.wgsl", entry, &[&self.scan], &constants)
+    }
+
     /// A chunk in these buffers.
-    fn of_buffers(&self, gpu: &Gpu, params: Params, bands: u32, buffers: Buffers) -> Chunk {
+    fn of_buffers(
+        &self,
+        gpu: &Gpu,
+        params: Params,
+        bands: u32,
+        buffers: Buffers,
+        filled: &wgpu::Buffer,
+    ) -> Chunk {
         let group = gpu::bind_group;
         let [x, y] = params.tiles;
         let tiles = u64::from(x * y);
-        let Buffers { placed, rects, counts, starts, cursors, list, large, blocks } = &buffers;
+        let Buffers { placed, rects, counts, starts, cursors, list, large, blocks, .. } = &buffers;
         let counts = gpu::first_bytes(counts, 4 * tiles);
         let starts = gpu::first_bytes(starts, 4 * (tiles + 1));
         let cursors = gpu::first_bytes(cursors, 8 * tiles);
@@ -364,7 +440,16 @@ impl Layouts {
         let first = uniform(0);
         let whole = wgpu::Buffer::as_entire_binding;
         let project = [whole(&first), whole(placed), whole(rects), counts.clone(), whole(large)];
-        let scan = [counts, starts.clone(), cursors.clone(), blocks];
+        let scan = [
+            counts,
+            starts.clone(),
+            cursors.clone(),
+            blocks,
+            whole(&buffers.busy),
+            whole(&buffers.emptied),
+            whole(filled),
+            whole(&buffers.dispatches),
+        ];
         let bands = (0..bands).map(|band| {
             let uniform = uniform(band);
             let fill = [
@@ -375,8 +460,14 @@ impl Layouts {
                 whole(list),
                 whole(large),
             ];
-            let read =
-                [whole(&uniform), whole(placed), starts.clone(), cursors.clone(), whole(list)];
+            let read = [
+                whole(&uniform),
+                whole(placed),
+                starts.clone(),
+                cursors.clone(),
+                whole(list),
+                whole(&buffers.busy),
+            ];
             Band {
                 fill: group(gpu, "filled bins", &self.fill, &fill),
                 read: group(gpu, "bins", &self.read, &read),
@@ -390,7 +481,14 @@ impl Layouts {
 
     /// The chunk of these splats, whose lists have `most` entries at most, in the buffers of another where they are
     /// large enough.
-    fn new_chunk(&self, gpu: &Gpu, params: Params, most: u64, old: Option<Buffers>) -> Chunk {
+    fn new_chunk(
+        &self,
+        gpu: &Gpu,
+        params: Params,
+        most: u64,
+        old: Option<Buffers>,
+        filled: &wgpu::Buffer,
+    ) -> Chunk {
         let limits = gpu.device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let splats = u64::from(params.splats.max(1));
@@ -410,7 +508,9 @@ impl Layouts {
             _ => {
                 // With spare room, for frames that grow.
                 let size = (size + size / 8).next_multiple_of(16).min(bytes / 16 * 16).max(size);
-                let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+                let usage = wgpu::BufferUsages::STORAGE
+                    | wgpu::BufferUsages::COPY_DST
+                    | wgpu::BufferUsages::INDIRECT;
                 gpu.device.create_buffer(&wgpu::BufferDescriptor {
                     label: Some(label),
                     size,
@@ -428,9 +528,12 @@ impl Layouts {
             list: buffer("lists", old.map(|old| &old.list), 4 * capacity),
             large: buffer("large splats", old.map(|old| &old.large), 4 * (splats + 1)),
             blocks: buffer("blocks", old.map(|old| &old.blocks), 4 * tiles.div_ceil(BLOCK.into())),
+            busy: buffer("busy tiles", old.map(|old| &old.busy), 4 * (tiles + 1)),
+            emptied: buffer("emptied tiles", old.map(|old| &old.emptied), 4 * (tiles + 1)),
+            dispatches: buffer("dispatches", old.map(|old| &old.dispatches), 32),
         };
         let params = Params { entries: entries.min(u32::MAX.into()) as u32, ..params };
-        self.of_buffers(gpu, params, bands as u32, buffers)
+        self.of_buffers(gpu, params, bands as u32, buffers, filled)
     }
 }
 
@@ -442,6 +545,16 @@ impl Chunk {
     fn groups(&self) -> u32 {
         (self.params.splats * self.params.lanes).div_ceil(THREADS)
     }
+}
+
+fn create_filled(gpu: &Gpu, size: UVec2) -> wgpu::Buffer {
+    let tiles = size.map(|n| n.div_ceil(TILE)).element_product();
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("filled tiles"),
+        size: 4 * u64::from(tiles),
+        usage: wgpu::BufferUsages::STORAGE,
+        mapped_at_creation: false,
+    })
 }
 
 fn create_state(gpu: &Gpu, size: UVec2) -> wgpu::Texture {

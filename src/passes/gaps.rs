@@ -74,7 +74,7 @@ struct Layouts {
 /// Compiled on first use.
 #[derive(Debug, Default)]
 struct Pipelines {
-    /// By whether the chunk is the first.
+    /// By whether the class has one chunk.
     mark: HashMap<bool, wgpu::ComputePipeline>,
     /// By the number of gaps and whether there are splashes.
     split: HashMap<(u32, bool), wgpu::ComputePipeline>,
@@ -181,8 +181,10 @@ impl Gaps {
         };
         for ends in bins.ends() {
             let first = ("FIRST", on(ends[0]));
-            self.pipelines.mark.entry(ends[0]).or_insert_with(|| {
-                of_lists("gaps/mark.wgsl", "mark", &self.layouts.mark, &[first])
+            let alone = ends == [true, true];
+            self.pipelines.mark.entry(alone).or_insert_with(|| {
+                let constants = [("ALONE", on(alone))];
+                of_lists("gaps/mark.wgsl", "mark", &self.layouts.mark, &constants)
             });
             self.pipelines.sides.entry((gaps, sizes, ends)).or_insert_with(|| {
                 let last = ("LAST", on(ends[1]));
@@ -208,10 +210,14 @@ impl Gaps {
             let resources = [texture(&layers.view), marks];
             let group = gpu::bind_group(gpu, "gap marks", &self.layouts.mark, &resources);
             let span = if class == 0 { span.first() } else { Span::default() };
-            bins.draw(encoder, camera, class, splats, span, |pass, part| {
-                pass.set_pipeline(&self.pipelines.mark[&part.first]);
+            let alone = !bins.is_divided(class);
+            if !alone {
+                encoder.clear_buffer(&self.cells.marks[class], 0, None);
+            }
+            bins.draw(encoder, camera, class, splats, span, |pass, _, tiles| {
+                pass.set_pipeline(&self.pipelines.mark[&alone]);
                 pass.set_bind_group(3, &group, &[]);
-                gpu::dispatch(pass, part.groups);
+                pass.dispatch_workgroups_indirect(tiles, 0);
             });
         }
         let (gaps, sizes) = self.variant;
@@ -233,8 +239,8 @@ impl Gaps {
                 })
                 .collect();
             let span = if class + 1 == classes.len() { span.last() } else { Span::default() };
-            bins.draw(encoder, camera, class, splats, span, |pass, part| {
-                let variant = (gaps, sizes, [part.first, part.last]);
+            bins.draw(encoder, camera, class, splats, span, |pass, part, _| {
+                let variant = (gaps, sizes, part.ends());
                 pass.set_pipeline(&self.pipelines.sides[&variant]);
                 for (section, group) in self.tile_lists.sections().zip(&groups) {
                     pass.set_bind_group(3, group, &[]);
@@ -289,7 +295,7 @@ impl Cells {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("gap marks"),
                 size: MARKS * u64::from(cells.element_product()),
-                usage: wgpu::BufferUsages::STORAGE,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             })
         };

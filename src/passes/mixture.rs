@@ -1,11 +1,9 @@
-//! The mixture of fluids at each pixel: `shaders/mixture.wgsl`.
+//! The mixture of fluids at each pixel: `shaders/mixture/`.
 //!
 //! Several fluids share the layers, because light is not refracted where they meet. They differ in
 //! absorption: this pass sums length, and absorption times length, over all splats along a pixel's ray.
 //! Inside the liquid, the mixture absorbs the light: this is exact for unrefracted light, whatever the
 //! order of the fluids. Only fluids of different absorption need the pass.
-
-use std::collections::HashMap;
 
 use glam::{UVec2, Vec4};
 use wgpu::TextureViewDimension::D2;
@@ -13,7 +11,7 @@ use wgpu::TextureViewDimension::D2;
 use super::CameraBinding;
 use super::bins::Bins;
 use super::splat_buffers::{self, SplatBuffers};
-use crate::gpu::{self, Gpu, Span};
+use crate::gpu::{self, Gpu, Span, TILE};
 use crate::scene::{MAX_FLUIDS, Scene};
 
 /// Format of the output: an error of half a thousandth is negligible against the effect of refraction.
@@ -25,10 +23,13 @@ pub struct Mixture {
     /// Output: absorption times length, as a share of [`strongest`], and length; one pixel if the
     /// fluids do not differ.
     pub view: wgpu::TextureView,
-    /// By whether the chunk is the first and the last.
-    pipelines: HashMap<[bool; 2], wgpu::ComputePipeline>,
+    /// The sums, and the emptying of tiles; compiled on first use.
+    pipelines: Option<[wgpu::ComputePipeline; 2]>,
     absorptions: wgpu::Buffer,
+    /// Tiles that have sums in this frame.
+    summed: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
+    empty_layout: wgpu::BindGroupLayout,
 }
 
 /// Whether a scene has fluids of different absorption.
@@ -48,23 +49,27 @@ impl Mixture {
             gpu::uniform::<[Vec4; MAX_FLUIDS]>(),
             gpu::storage_texture(FORMAT, D2),
             gpu::state_texture(),
+            gpu::storage_read_write(4),
         ];
+        let empty = [gpu::storage_of(8), gpu::storage_texture(FORMAT, D2)];
         Self {
             view: create_view(gpu, UVec2::ONE),
-            pipelines: HashMap::new(),
+            pipelines: None,
             absorptions: gpu::uniform_buffer::<[Vec4; MAX_FLUIDS]>(gpu, "fluids"),
+            summed: create_summed(gpu, UVec2::ONE),
             layout: gpu.layout("mixture", wgpu::ShaderStages::COMPUTE, &bindings),
+            empty_layout: gpu.layout("emptied mixture", wgpu::ShaderStages::COMPUTE, &empty),
         }
     }
 
     /// Replaces the output.
     pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
-        self.view = create_view(gpu, size);
+        (self.view, self.summed) = (create_view(gpu, size), create_summed(gpu, size));
     }
 
     /// As [`super::splat::Splat::share`].
     pub fn share(&mut self, other: &Self) {
-        self.view = other.view.clone();
+        (self.view, self.summed) = (other.view.clone(), other.summed.clone());
     }
 
     /// Uploads the fluids' absorption for particles of `radius` (m), and compiles what is missing.
@@ -82,17 +87,16 @@ impl Mixture {
             *share = (absorption / strongest).extend(radius.max(f32::MIN_POSITIVE).recip());
         }
         gpu.queue.write_buffer(&self.absorptions, 0, bytemuck::cast_slice(&shares));
-        for ends in [[true, true], [true, false], [false, true], [false, false]] {
-            self.pipelines.entry(ends).or_insert_with(|| {
-                let [first, last] = ends.map(|end| f64::from(u8::from(end)));
-                let own = [("FIRST", first), ("LAST", last)];
-                let constants = [&camera.constants()[..], &own].concat();
-                let splats = splat_buffers::layout(gpu);
-                let layouts = [&camera.layout, &splats, bins.read_layout(), &self.layout];
-                let entry = "mixture_of_tiles";
-                gpu::compute_pipeline(gpu, "mixture.wgsl", entry, &layouts, &constants)
-            });
-        }
+        self.pipelines.get_or_insert_with(|| {
+            let constants = camera.constants();
+            let splats = splat_buffers::layout(gpu);
+            let layouts = [&camera.layout, &splats, bins.read_layout(), &self.layout];
+            let (file, entry) = ("mixture/sums.wgsl", "mixture_of_tiles");
+            let sums = gpu::compute_pipeline(gpu, file, entry, &layouts, &constants);
+            let layouts = [&camera.layout, &self.empty_layout];
+            let file = "mixture/empty.wgsl";
+            [sums, gpu::compute_pipeline(gpu, file, "empty", &layouts, &constants)]
+        });
     }
 
     /// Records the sum over the splats of all `classes`, whose lists are recorded before; requires
@@ -106,29 +110,51 @@ impl Mixture {
         classes: &[&SplatBuffers],
         span: Span<'_>,
     ) {
+        let Some([sums, empty]) = &self.pipelines else { return };
         let state = bins.state();
         let resources = [
             self.absorptions.as_entire_binding(),
             wgpu::BindingResource::TextureView(&self.view),
             wgpu::BindingResource::TextureView(&state),
+            self.summed.as_entire_binding(),
         ];
         let group = gpu::bind_group(gpu, "mixture", &self.layout, &resources);
-        let ends = classes.len() - 1;
+        encoder.clear_buffer(&self.summed, 0, None);
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some("mixture"),
+                timestamp_writes: span.first().compute(),
+            });
+            pass.set_pipeline(empty);
+            pass.set_bind_group(0, &camera.group, &[]);
+            for class in 0..classes.len() {
+                let emptied = bins.emptied(class);
+                let view = wgpu::BindingResource::TextureView(&self.view);
+                let resources = [emptied.tiles.as_entire_binding(), view];
+                let group = gpu::bind_group(gpu, "emptied mixture", &self.empty_layout, &resources);
+                pass.set_bind_group(1, &group, &[]);
+                emptied.dispatch(&mut pass);
+            }
+        }
         for (class, splats) in classes.iter().enumerate() {
-            let (begins, ends) = (class == 0, class == ends);
-            let span = match (begins, ends) {
-                (true, true) => span,
-                (true, false) => span.first(),
-                _ => span.last(),
-            };
-            bins.draw(encoder, camera, class, splats, span, |pass, part| {
-                let variant = [begins && part.first, ends && part.last];
-                pass.set_pipeline(&self.pipelines[&variant]);
+            let span = if class + 1 == classes.len() { span.last() } else { Span::default() };
+            bins.draw(encoder, camera, class, splats, span, |pass, _, tiles| {
+                pass.set_pipeline(sums);
                 pass.set_bind_group(3, &group, &[]);
-                gpu::dispatch(pass, part.groups);
+                pass.dispatch_workgroups_indirect(tiles, 0);
             });
         }
     }
+}
+
+fn create_summed(gpu: &Gpu, size: UVec2) -> wgpu::Buffer {
+    let tiles = size.map(|n| n.div_ceil(TILE)).element_product();
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("summed tiles"),
+        size: 4 * u64::from(tiles),
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
 }
 
 fn create_view(gpu: &Gpu, size: UVec2) -> wgpu::TextureView {

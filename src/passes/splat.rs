@@ -10,7 +10,6 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::bins::Bins;
 use super::splat_buffers::{self, SplatBuffers};
-use super::tiles::Filled;
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span};
 
@@ -23,10 +22,11 @@ pub struct Splat {
     pub splash: Layers,
     /// Output: particle, from 1, and fluid of each front, by class; one pixel unless asked for.
     pub tags: [wgpu::Texture; 2],
-    /// Tiles of each class's layers.
-    filled: [Filled; 2],
     layout: wgpu::BindGroupLayout,
+    empty_layout: wgpu::BindGroupLayout,
     pipelines: HashMap<Variant, wgpu::ComputePipeline>,
+    /// By whether tags are written and whether the chunk is the last.
+    empty: HashMap<[bool; 2], wgpu::ComputePipeline>,
     frame: Frame,
 }
 
@@ -66,18 +66,19 @@ impl Splat {
             gpu::storage_texture(Layers::FORMAT, D2Array),
             gpu::storage_texture(TAGS, D2),
             gpu::state_texture(),
-            gpu::storage_of(4),
-            gpu::storage_read_write(4),
         ];
+        let compute = wgpu::ShaderStages::COMPUTE;
+        let empty = [&[gpu::storage_of(8)][..], &bindings].concat();
         let one = [(); 2].map(|()| create_layers(gpu, UVec2::ONE, 2, 1));
         let [aggregate, splash] = one;
         Self {
             aggregate,
             splash,
             tags: [(); 2].map(|()| create_tags(gpu, UVec2::ONE)),
-            filled: [(); 2].map(|()| Filled::new(gpu, UVec2::ONE)),
-            layout: gpu.layout("splat", wgpu::ShaderStages::COMPUTE, &bindings),
+            layout: gpu.layout("splat", compute, &bindings),
+            empty_layout: gpu.layout("emptied splats", compute, &empty),
             pipelines: HashMap::new(),
+            empty: HashMap::new(),
             frame: Frame::default(),
         }
     }
@@ -90,21 +91,26 @@ impl Splat {
         self.aggregate = create_layers(gpu, size, layers, levels);
         self.splash = create_layers(gpu, used(splash), layers, if splash { levels } else { 1 });
         self.tags = [tags, tags && splash].map(|on| create_tags(gpu, used(on)));
-        self.filled = [true, splash].map(|on| Filled::new(gpu, used(on)));
     }
 
     /// Takes the textures of another view, which is drawn before and no longer needed then.
     pub fn share(&mut self, other: &Self) {
         (self.aggregate, self.splash) = (other.aggregate.clone(), other.splash.clone());
-        (self.tags, self.filled) = (other.tags.clone(), other.filled.clone());
+        self.tags = other.tags.clone();
     }
 
     /// Sets what the frame draws, and compiles what is missing for its lists.
     pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, bins: &Bins, frame: Frame) {
         self.frame = frame;
+        let on = |on: bool| f64::from(u8::from(on));
         for ends in bins.ends() {
+            self.empty.entry([frame.tags, ends[1]]).or_insert_with(|| {
+                let own = [("TAGS", on(frame.tags)), ("LAST", on(ends[1]))];
+                let constants = [&camera.constants()[..], &own].concat();
+                let layouts = [&camera.layout, &self.empty_layout];
+                gpu::compute_pipeline(gpu, "splat/empty.wgsl", "empty", &layouts, &constants)
+            });
             self.pipelines.entry((frame, ends)).or_insert_with(|| {
-                let on = |on: bool| f64::from(u8::from(on));
                 let [first, last] = ends.map(on);
                 let own = [
                     ("BACKS", on(frame.backs)),
@@ -136,21 +142,23 @@ impl Splat {
         let planes = gpu::level_view(&layers.texture, 0, D2Array);
         let tags = self.tags[class].create_view(&Default::default());
         let state = bins.state();
-        let filled = &self.filled[class];
-        let resources = [
-            wgpu::BindingResource::TextureView(&planes),
-            wgpu::BindingResource::TextureView(&tags),
-            wgpu::BindingResource::TextureView(&state),
-            filled.before.as_entire_binding(),
-            filled.now.as_entire_binding(),
-        ];
+        let resources = [&planes, &tags, &state].map(wgpu::BindingResource::TextureView);
         let group = gpu::bind_group(gpu, "splat", &self.layout, &resources);
-        bins.draw(encoder, camera, class, splats, span, |pass, part| {
-            pass.set_pipeline(&self.pipelines[&(self.frame, [part.first, part.last])]);
+        let emptied = bins.emptied(class);
+        let resources = [&[emptied.tiles.as_entire_binding()][..], &resources].concat();
+        let empty = gpu::bind_group(gpu, "emptied splats", &self.empty_layout, &resources);
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&self.empty[&[self.frame.tags, !bins.is_divided(class)]]);
+            pass.set_bind_group(0, &camera.group, &[]);
+            pass.set_bind_group(1, &empty, &[]);
+            emptied.dispatch(&mut pass);
+        }
+        bins.draw(encoder, camera, class, splats, span, |pass, part, tiles| {
+            pass.set_pipeline(&self.pipelines[&(self.frame, part.ends())]);
             pass.set_bind_group(3, &group, &[]);
-            gpu::dispatch(pass, part.groups);
+            pass.dispatch_workgroups_indirect(tiles, 0);
         });
-        filled.end(encoder);
     }
 }
 

@@ -196,6 +196,7 @@ impl ViewPasses {
         }
         let used = |on: bool| if on { (config.size, config.levels) } else { (UVec2::ONE, 1) };
         let ViewConfig { size, gaps, levels, splash, tags, .. } = config;
+        self.bins.resize(gpu, size);
         self.splat.resize(gpu, splat::Extent { size, gaps, levels, splash, tags });
         self.mixture.resize(gpu, used(config.mixture).0);
         let size = if config.gaps > 0 { config.size } else { UVec2::ONE };

@@ -12,11 +12,9 @@ const MAX_FLUIDS: u32 = 16u;
 // radius, 1/m.
 @group(3) @binding(0) var<uniform> absorptions: array<vec4f, MAX_FLUIDS>;
 @group(3) @binding(1) var mixture: texture_storage_2d<rgba16float, write>;
-// The sums of the chunks before.
+// The sums of the classes and chunks before, in tiles that are summed already.
 @group(3) @binding(2) var state: texture_storage_2d_array<r32uint, read_write>;
-
-override FIRST: bool = true; // no chunk is before
-override LAST: bool = true;  // no chunk follows
+@group(3) @binding(3) var<storage, read_write> summed: array<u32>;
 
 // Parts of a particle radius in which lengths are counted, and the most that one splat adds.
 const UNIT: f32 = 65536.0;
@@ -52,26 +50,19 @@ fn add(sums: ptr<function, Sums>, s: ViewSplat, fluid: u32, x: f32, y: Real) {
     (*sums).length = saturated((*sums).length, length);
 }
 
-fn store(p: vec2u, sums: Sums) {
+fn store(p: vec2u, sums: Sums, add_to_state: bool) {
     for (var i = 0u; i < PART; i++) {
         let texel = p + vec2u(0u, i);
         if any(texel >= vec2u(camera.size)) {
             continue;
         }
         var sum = vec4u(index_at(sums.red, i), index_at(sums.green, i), index_at(sums.blue, i), index_at(sums.length, i));
-        if !FIRST {
-            for (var k = 0u; k < 4u; k++) {
-                let before = textureLoad(state, texel, k).x;
-                sum[k] = select(before + sum[k], 0xffffffffu, before + sum[k] < before);
-            }
+        for (var k = 0u; k < 4u; k++) {
+            let before = select(0u, textureLoad(state, texel, k).x, add_to_state);
+            sum[k] = select(before + sum[k], 0xffffffffu, before + sum[k] < before);
+            textureStore(state, texel, k, vec4u(sum[k]));
         }
-        if LAST {
-            textureStore(mixture, texel, vec4f(sum) / UNIT);
-        } else {
-            for (var k = 0u; k < 4u; k++) {
-                textureStore(state, texel, k, vec4u(sum[k]));
-            }
-        }
+        textureStore(mixture, texel, vec4f(sum) / UNIT);
     }
 }
 
@@ -108,9 +99,14 @@ fn draw(tile: u32, local: vec2u, thread: u32) {
             }
         }
     }
-    store(p, upper);
+    let add_to_state = summed[tile] != 0u;
+    workgroupBarrier();
+    if thread == 0u {
+        summed[tile] = 1u;
+    }
+    store(p, upper, add_to_state);
     if PARTS > 1u {
-        store(p + vec2u(0u, PART), lower);
+        store(p + vec2u(0u, PART), lower, add_to_state);
     }
 }
 
@@ -120,19 +116,8 @@ fn mixture_of_tiles(
     @builtin(local_invocation_id) local: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    for (var i = 0u; i < TILES; i++) {
-        let tile = group_index(group) * TILES + i;
-        // Loops, because software adapters execute both sides of a branch.
-        for (var left = turns(is_listed(tile)); left > 0u; left--) {
-            draw(tile, local.xy, thread);
-        }
-        for (var left = turns((FIRST || LAST) && is_drawn(tile) && !is_listed(tile)); left > 0u; left--) {
-            let p = tile_at(tile) * TILE + local.xy * vec2u(1u, ROWS);
-            let nothing = Sums(Index(0u), Index(0u), Index(0u), Index(0u));
-            store(p, nothing);
-            if PARTS > 1u {
-                store(p + vec2u(0u, PART), nothing);
-            }
-        }
+    let tile = busy_tile(group);
+    if tile != NO_TILE {
+        draw(tile, local.xy, thread);
     }
 }
