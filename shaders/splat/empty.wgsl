@@ -6,7 +6,7 @@
 
 @group(1) @binding(0) var<storage, read> emptied: TileList;
 @group(1) @binding(1) var layers: texture_storage_2d_array<rgba32float, write>;
-@group(1) @binding(2) var tags: texture_storage_2d<rg32uint, write>;
+@group(1) @binding(2) var tags: texture_storage_2d<rgba32uint, write>;
 // As in splat/layers.wgsl: nothing is found yet.
 @group(1) @binding(3) var state: texture_storage_2d_array<r32uint, read_write>;
 

@@ -8,7 +8,7 @@
 
 @group(1) @binding(0) var<storage, read> splats: array<Splat>;
 @group(3) @binding(0) var layers: texture_storage_2d_array<rgba32float, write>;
-@group(3) @binding(1) var tags: texture_storage_2d<rg32uint, write>;
+@group(3) @binding(1) var tags: texture_storage_2d<rgba32uint, write>;
 // Depths of fronts and backs.
 @group(3) @binding(2) var state: texture_storage_2d_array<r32uint, read_write>;
 

@@ -162,8 +162,8 @@ impl Splat {
     }
 }
 
-/// Format of tags.
-const TAGS: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
+/// Format of tags, of which two channels are used: OpenGL ES stores none of two.
+const TAGS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 
 fn create_tags(gpu: &Gpu, size: UVec2) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
