@@ -25,7 +25,7 @@ use std::time::Instant;
 
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
-use limpid::liquid::classify::{self, Splat, Splats};
+use limpid::liquid::classify::{self, Splats};
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;

@@ -266,7 +266,9 @@ impl Bins {
                 let params =
                     Params { splats: bound.count, lanes, tiles, swell, ..Zeroable::zeroed() };
                 let most = most_entries(splats, camera, swell);
-                chunks.push(self.layouts.new_chunk(gpu, params, most, old.next(), filled));
+                let old = old.next();
+                let chunk = self.layouts.new_chunk(gpu, params, most, old.as_ref(), filled);
+                chunks.push(chunk);
             }
         }
         for ends in self.ends() {
@@ -486,7 +488,7 @@ impl Layouts {
         gpu: &Gpu,
         params: Params,
         most: u64,
-        old: Option<Buffers>,
+        old: Option<&Buffers>,
         filled: &wgpu::Buffer,
     ) -> Chunk {
         let limits = gpu.device.limits();
@@ -502,7 +504,6 @@ impl Layouts {
                 (entries, most / entries + 1, limit)
             }
         };
-        let old = old.as_ref();
         let buffer = |label: &str, old: Option<&wgpu::Buffer>, size: u64| match old {
             Some(old) if old.size() >= size => old.clone(),
             _ => {

@@ -322,7 +322,6 @@ mod tests {
     /// Lists are made for ellipsoids as large as those that mark cells.
     #[test]
     fn lists_are_as_wide_as_marks() {
-        let closing = gpu::shader::constant("gaps/mark.wgsl", "CLOSING");
-        assert_eq!(f64::from(CLOSING as f32), f64::from(closing as f32));
+        assert_eq!(CLOSING, gpu::shader::constant("gaps/mark.wgsl", "CLOSING") as f32);
     }
 }
