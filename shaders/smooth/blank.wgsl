@@ -1,4 +1,5 @@
-// Empties what the smoothing leaves out: taps read beyond the liquid's tiles, and backs where only fronts are smoothed.
+// Empties the texels that smoothing does not write: beyond the liquid's tiles, where taps read, and of backs where only
+// fronts are smoothed.
 
 #import common/groups.wgsl
 #import common/tiles.wgsl

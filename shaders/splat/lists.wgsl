@@ -1,4 +1,4 @@
-// What a tile's threads read of its list, and the chords of a splat through the pixels of a thread.
+// The list of a tile, and the chords of a splat through the pixels of a thread.
 
 #import splat/ellipsoid.wgsl
 #import bins/params.wgsl

@@ -1,7 +1,7 @@
 //! Lists of the splats that each tile of the picture needs: `shaders/bins/`.
 //!
 //! Splats are projected and counted by tile; a prefix sum of the counts tells where each list starts; then the lists
-//! are filled. What is drawn from them does not depend on their order, which differs from run to run.
+//! are filled. Their order differs from run to run, and no pass depends on it.
 //!
 //! The memory for the lists is known before they are made, from bounds of the splats on the CPU. Where it exceeds what
 //! one binding holds, the picture is drawn in bands of tiles; splats that exceed one binding are drawn in chunks.
@@ -62,7 +62,7 @@ pub struct Bins {
     classes: [Vec<Chunk>; 2],
     /// Of each class and tile, whether it is drawn: in the frame before or, once its lists are made, in this one.
     filled: [wgpu::Buffer; 2],
-    /// What chunks hand over to the next, for each pixel; one pixel unless [`Bins::prepare`] finds that it is needed.
+    /// State of each pixel that a chunk hands over to the next; one pixel unless [`Bins::prepare`] finds that it is needed.
     state: wgpu::Texture,
     grain: Grain,
 }
@@ -153,7 +153,7 @@ impl Emptied<'_> {
 /// Offset of the arguments over the emptied tiles; those over the busy ones are first.
 const EMPTIED: u64 = 16;
 
-/// What the lists of a class are made of.
+/// The splats of a class, of which lists are made.
 #[derive(Debug, Clone, Copy)]
 pub struct Listed<'a> {
     /// The splats.

@@ -30,7 +30,7 @@ pub struct Splat {
     frame: Frame,
 }
 
-/// What a frame draws.
+/// Layers that a frame draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Frame {
     /// Draw backs.
@@ -41,7 +41,7 @@ pub struct Frame {
     pub tags: bool,
 }
 
-/// Specialisation: what the frame draws, and whether the chunk is the first and the last.
+/// Specialisation: the frame's layers, and whether the chunk is the first and the last.
 type Variant = (Frame, [bool; 2]);
 
 /// Sizes of a view's layers.
@@ -99,7 +99,7 @@ impl Splat {
         self.tags = other.tags.clone();
     }
 
-    /// Sets what the frame draws, and compiles what is missing for its lists.
+    /// Sets the frame's layers, and compiles what is missing for its lists.
     pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, bins: &Bins, frame: Frame) {
         self.frame = frame;
         let on = |on: bool| f64::from(u8::from(on));
