@@ -119,16 +119,26 @@ fn grains_draw_the_same() {
 #[test]
 fn bands_and_chunks_draw_the_same() {
     let Some(whole) = gpu() else { return };
-    let liquid = body();
     let scene = mixed();
     // Bindings of 6,000 splats, whose lists have at most 72,000 entries.
     let small = limited(&whole, |limits| limits.max_storage_buffer_binding_size = 288_000);
-    assert!(liquid.aggregates.len() > 6000, "two chunks");
     for camera in [&views()[1], &views()[2], &views()[4]] {
+        let mut liquid = body();
+        assert!(liquid.aggregates.len() > 6000, "two chunks");
+        // Spheres behind all else that fill the picture: each is in the list of each tile.
+        let forward = (camera.target - camera.eye).normalize();
+        let (backs, tiles) = (300, 21 * 15);
+        assert!(backs * tiles > 72_000, "several bands");
+        for i in 0..backs {
+            let centre = camera.eye + (40.0 + 0.01 * i as f64) * forward;
+            liquid.aggregates.insert(19 * i, sphere(centre.as_vec3(), 35.0));
+        }
         for grain in [Grain::Pixel, Grain::Column] {
             let [parts, at_once] = [&small, &whole]
                 .map(|gpu| draw(&gpu.clone().with_grain(grain), &scene, camera, &liquid));
             assert_same(&parts, &at_once, &format!("{grain:?}"));
+            let front = at_once.channel("depth.aggregate_front");
+            assert!(front.iter().all(|&z| z > 0.0), "the spheres fill the picture");
         }
     }
 }
