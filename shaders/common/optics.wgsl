@@ -20,7 +20,8 @@ fn optics_fresnel(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
     // Avoids 0/0 for grazing light between equal media, where nothing is reflected.
     let r_parl = (eta * cos_theta_i - cos_theta_t) / max(eta * cos_theta_i + cos_theta_t, 1e-20);
     let r_perp = (cos_theta_i - eta * cos_theta_t) / max(cos_theta_i + eta * cos_theta_t, 1e-20);
-    return 0.5 * (r_parl * r_parl + r_perp * r_perp);
+    // A quotient of equal numbers may round to more than 1.
+    return min(0.5 * (r_parl * r_parl + r_perp * r_perp), 1.0);
 }
 
 // Schlick's approximation (1994). From the denser side it uses the transmitted cosine, to reproduce
@@ -32,7 +33,7 @@ fn optics_schlick(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
     let r0 = (eta - 1.0) / (eta + 1.0);
     let c = 1.0 - select(cos_theta_t, cos_theta_i, eta > 1.0);
     let c2 = c * c;
-    return r0 * r0 + (1.0 - r0 * r0) * c2 * c2 * c;
+    return min(r0 * r0 + (1.0 - r0 * r0) * c2 * c2 * c, 1.0);
 }
 
 // Transmittance over `length` metres with `absorption` in 1/m (Beer and Lambert).

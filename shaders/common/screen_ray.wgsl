@@ -38,7 +38,9 @@ fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
         t = clip(t, high.y * z - o.y, -high.y * d.z - d.y);
     }
     t = clip(t, z - camera.near, -d.z);
-    let end = o + t * d;
+    var end = o + t * d;
+    // From far away, t * d rounds by more than the near plane's depth.
+    end.z = select(min(end.z, -camera.near), end.z, ORTHOGRAPHIC);
 
     var ray: ScreenRay;
     ray.u = camera_pixel(o);

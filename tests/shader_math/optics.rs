@@ -148,8 +148,9 @@ fn optics_are_finite_at_grazing() {
             let shares = [reflectance, schlick];
             assert!(shares.iter().all(|s| (0.0..=1.0).contains(s)), "{x:?} gives {shares:?}");
         }
-        let [_, reflectance, schlick] = interface(gpu, &cases(eta))[0];
-        assert_eq!([reflectance, schlick], [1.0, 1.0], "total reflectance at 90 degrees");
+        for share in &interface(gpu, &cases(eta))[0][1..] {
+            assert_near((*share).into(), 1.0, 2e-7, "total reflectance at 90 degrees");
+        }
     }
 }
 

@@ -119,6 +119,28 @@ fn screen_ray_points_lie_on_the_ray() {
     }
 }
 
+/// Rays towards the eye from so far away that the near plane's depth is less than the rounding of theirs, which adapters
+/// round differently.
+#[test]
+fn far_screen_rays_end_in_front_of_the_eye() {
+    let Some(gpu) = gpu() else { return };
+    let view = View::of_size(640, 480, 1e-3);
+    let mut random = Random(11);
+    let cases: Vec<_> = (0..5000)
+        .map(|_| {
+            let o = random.magnitude(1e3, 1e9) * view.omega(random.pixel(view.pixels()));
+            let past = random.direction() * random.unit() * view.near;
+            ray_case(o, (past - o).normalize(), NOTHING, DVec3::X, random.unit())
+        })
+        .collect();
+    for (x, ray) in cases.iter().zip(screen_rays(gpu, &view, &cases)) {
+        for point in [ray.at, ray.end_point] {
+            assert!(point.is_finite() && point.z < 0.0, "{x:?} passes {point}");
+        }
+        assert!(ray.end.is_finite() && ray.slope.is_finite(), "{x:?} ends at {}", ray.end);
+    }
+}
+
 /// The root of the residual is the intersection of ray and plane, for planes at any distance within the
 /// reach of the ray.
 #[test]
