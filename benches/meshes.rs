@@ -19,6 +19,7 @@ use std::time::Instant;
 
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::classify::Splats;
 use limpid::mesh::{Mesh, MeshData, Placement};
@@ -171,19 +172,16 @@ impl<'a> Drawn<'a> {
     /// The times of the passes.
     fn timed(&mut self) -> limpid_io::Result<Vec<PassTime>> {
         let Subject { scene, camera, splats } = self.subject;
-        self.offscreen.renderer.forget();
-        self.offscreen.renderer.timing = true;
-        let frame = self.offscreen.draw(scene, camera, splats, self.size)?;
-        self.offscreen.renderer.timing = false;
+        let input = FrameInput::new(scene, camera, splats, self.size);
+        let frame = self.offscreen.draw(FrameInput { timing: true, ..input })?;
         Ok(frame.passes)
     }
 
     /// Draws everything anew: the time until the picture is in host memory, ms, and its bytes.
     fn frame(&mut self) -> limpid_io::Result<(f64, Vec<u8>)> {
         let Subject { scene, camera, splats } = self.subject;
-        self.offscreen.renderer.forget();
         let start = Instant::now();
-        let frame = self.offscreen.draw(scene, camera, splats, self.size)?;
+        let frame = self.offscreen.draw(FrameInput::new(scene, camera, splats, self.size))?;
         Ok((start.elapsed().as_secs_f64() * 1e3, frame.picture.into_raw()))
     }
 }

@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{self, Splats};
 use limpid::offscreen::Picture;
@@ -127,11 +128,9 @@ fn measure(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid_io::Result
     let picture = Picture::new(gpu, size)?;
     let mut renderer = Renderer::new(gpu);
     let mut draw = |timing: bool| {
-        renderer.timing = timing;
-        renderer.forget();
         let start = Instant::now();
-        let passes =
-            renderer.render(scene, camera, splats, &picture.view(), Picture::FORMAT, size)?;
+        let input = FrameInput::new(scene, camera, splats, size);
+        let passes = renderer.render(FrameInput { timing, ..input }, &picture)?;
         picture.read(gpu)?;
         Ok::<_, limpid_io::Error>((passes, start.elapsed().as_secs_f64() * 1e3))
     };

@@ -1,4 +1,4 @@
-// Tone mapping: exposure, an optional curve, and the sRGB transfer function.
+// Tone mapping: exposure, an optional curve, and the sRGB transfer function (IEC 61966-2-1).
 
 @group(0) @binding(0) var radiance: texture_2d<f32>;
 @group(0) @binding(1) var<$branching> tonemap: Params;
@@ -9,7 +9,11 @@ struct Params {
     encode: u32, // 0: linear, or the target encodes sRGB itself; 1: encode here
     bounded: u32, // 1: the target holds 0 to 1
     dither: f32,  // width of the dither, a step of the encoded target; 0 for none
+    first_row: u32, // of `picture`
 }
+
+// A band of the picture in memory: red in the lowest byte, rows from the top.
+@group(1) @binding(0) var<storage, read_write> picture: array<u32>;
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
@@ -19,7 +23,25 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
 
 @fragment
 fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
-    let texel = textureLoad(radiance, vec2i(position.xy), 0);
+    return mapped(vec2u(position.xy));
+}
+
+// Rounds to nearest here: adapters round differently where they store.
+@compute @workgroup_size(8, 8)
+fn bytes(@builtin(global_invocation_id) id: vec3u) {
+    let size = textureDimensions(radiance);
+    let texel = id.y * size.x + id.x;
+    if id.x >= size.x || texel >= arrayLength(&picture) {
+        return;
+    }
+    let mapped = mapped(vec2u(id.x, id.y + tonemap.first_row));
+    let rounded = vec4u(255.0 * clamp(mapped, vec4f(0.0), vec4f(1.0)) + 0.5);
+    picture[texel] = rounded.x | rounded.y << 8u | rounded.z << 16u | rounded.w << 24u;
+}
+
+// Colour and coverage of a pixel.
+fn mapped(p: vec2u) -> vec4f {
+    let texel = textureLoad(radiance, p, 0);
     // Of the covered part alone: curves are not linear, and pictures store colour apart from coverage.
     let covered = select(texel.a, 1.0, texel.a == 0.0);
     var c = max(texel.rgb / covered * tonemap.gain, vec3f(0.0));
@@ -32,7 +54,7 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     }
     if tonemap.encode == 1u {
         c = select(1.055 * pow(c, vec3f(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3f(0.0031308));
-        c += vec3f(tonemap.dither * (gradient_noise(position.xy) - 0.5));
+        c += vec3f(tonemap.dither * (gradient_noise(vec2f(p) + 0.5) - 0.5));
     }
     return vec4f(c, texel.a);
 }

@@ -69,9 +69,9 @@ impl Aov {
         Self::Caustics,
     ];
 
-    /// Whether it needs [`Renderer::surface`]: images for programs that compose pictures.
+    /// Whether it needs [`FrameInput::surface`]: images for programs that compose pictures.
     ///
-    /// [`Renderer::surface`]: crate::renderer::Renderer::surface
+    /// [`FrameInput::surface`]: crate::frame::FrameInput::surface
     pub fn is_for_compositing(self) -> bool {
         matches!(self, Self::Motion | Self::Coverage | Self::Mask)
     }

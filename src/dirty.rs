@@ -4,6 +4,7 @@
 //! layers, and the exposure does not affect the radiance.
 
 use crate::camera::View;
+use crate::frame::FrameInput;
 use crate::liquid::classify::{Splat, Splats};
 use crate::passes::view_passes::ViewConfig;
 use crate::scene::Scene;
@@ -39,12 +40,10 @@ impl Dirty {
     /// Compares a frame with the last one; everything is dirty if there is none.
     pub(crate) fn since(
         last: Option<&LastFrame>,
-        scene: &Scene,
-        view: &View,
-        splats: &Splats,
+        input: &FrameInput<'_>,
         config: ViewConfig,
-        diagnosed: bool,
     ) -> Self {
+        let FrameInput { scene, view, splats, diagnose, .. } = *input;
         let Some(last) = last else { return Self::ALL };
         let (old, new) = (&last.scene.settings, &scene.settings);
         let splats = !same_splats(&last.splats, splats);
@@ -62,7 +61,7 @@ impl Dirty {
             || light_settings(&old.refract) != light_settings(&new.refract);
         let surfaces = splats
             || smooth
-            || last.view != *view
+            || last.view != view
             || last.config != config
             || config.mixture && absorption
             || config.gbuffer && solids
@@ -75,7 +74,7 @@ impl Dirty {
             || old.refract != new.refract
             || last.scene.environment != scene.environment
             || last.scene.background != scene.background
-            || last.diagnosed != diagnosed;
+            || last.diagnosed != diagnose;
         Self { splats, lights, surfaces, radiance }
     }
 }
@@ -85,19 +84,17 @@ impl LastFrame {
     pub(crate) fn new(
         last: Option<Self>,
         dirty: Dirty,
-        scene: &Scene,
-        view: &View,
-        splats: &Splats,
+        input: &FrameInput<'_>,
         config: ViewConfig,
-        diagnosed: bool,
     ) -> Self {
+        let FrameInput { scene, view, splats, diagnose, .. } = *input;
         let mut kept = last.map(|last| last.splats).unwrap_or_default();
         if dirty.splats {
             kept.aggregates.clone_from(&splats.aggregates);
             kept.splashes.clone_from(&splats.splashes);
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
         }
-        Self { scene: scene.clone(), view: *view, splats: kept, config, diagnosed }
+        Self { scene: scene.clone(), view, splats: kept, config, diagnosed: diagnose }
     }
 }
 

@@ -27,7 +27,7 @@ pub use binding::{
 pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};
 #[doc(hidden)]
-pub use readback::{Pending, Reading, begin_reading, read_mapped};
+pub use readback::{Pending, Reading, begin_reading, begin_reading_buffer, read_mapped};
 #[doc(hidden)]
 #[cfg(not(target_arch = "wasm32"))]
 pub use readback::{read_buffer, read_texture};
@@ -372,6 +372,11 @@ impl Gpu {
         } else if BYTES_PER_TILE * tiles > limits.max_storage_buffer_binding_size {
             let most = limits.max_storage_buffer_binding_size;
             format!("holds at most {most} bytes of tiles (max_storage_buffer_binding_size)")
+        } else if matches!(of, Limited::Picture) && self.band_rows(size.x) == 0 {
+            let most = limits.max_storage_buffer_binding_size;
+            format!(
+                "holds at most {most} bytes of a band of rows (max_storage_buffer_binding_size)"
+            )
         } else if tiles.min(ROW.into()) > u64::from(limits.max_compute_workgroups_per_dimension) {
             let most = limits.max_compute_workgroups_per_dimension;
             format!(
@@ -382,6 +387,19 @@ impl Gpu {
         };
         let problem = format!("{problem}, asked for {}x{}", size.x, size.y);
         Err(Error::Limit { adapter: self.adapter(), problem, of })
+    }
+}
+
+/// Rows whose number bands of pictures are multiples of: such a band begins at a multiple of 256 bytes, as bindings must.
+const BAND: u32 = 64;
+
+impl Gpu {
+    /// Rows of so many pixels of four bytes that one binding holds.
+    #[doc(hidden)]
+    pub fn band_rows(&self, width: u32) -> u32 {
+        let rows =
+            self.device.limits().max_storage_buffer_binding_size / (4 * u64::from(width.max(1)));
+        rows.min(u32::MAX.into()) as u32 / BAND * BAND
     }
 }
 

@@ -11,11 +11,11 @@ use glam::{DMat4, DVec4, UVec2};
 use crate::camera::{View, parallel_near};
 use crate::error::{Error, Result};
 
-/// What a host has drawn before the liquid: [`Renderer::host`]. All views are two-dimensional, of the
+/// What a host has drawn before the liquid: [`FrameInput::host`]. All views are two-dimensional, of the
 /// picture's size, with one sample per pixel and `TEXTURE_BINDING` usage. They are read when the recorded
 /// commands run.
 ///
-/// [`Renderer::host`]: crate::renderer::Renderer::host
+/// [`FrameInput::host`]: crate::frame::FrameInput::host
 #[derive(Debug, Clone)]
 pub struct Host {
     /// Linear radiance: a float format, or an sRGB format, which the device decodes.

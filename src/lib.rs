@@ -39,7 +39,7 @@
 //! use limpid::camera::Camera;
 //! use limpid::glam::{DVec3, UVec2, Vec3};
 //! use limpid::liquid::{Particles, classify::classify};
-//! use limpid::{gpu::Gpu, offscreen::Offscreen, scene::Scene};
+//! use limpid::{frame::FrameInput, gpu::Gpu, offscreen::Offscreen, scene::Scene};
 //!
 //! # fn main() -> limpid::Result<()> {
 //! let lattice = (0..8000).map(|i| 0.05 * Vec3::new((i % 20) as f32, (i / 400) as f32, (i / 20 % 20) as f32));
@@ -48,7 +48,8 @@
 //! let scene = Scene::around(min, max, radius);
 //! let splats = classify(&particles, radius, &scene.settings.classify);
 //! let mut offscreen = Offscreen::new(&Gpu::headless()?);
-//! let shot = offscreen.draw(&scene, &Camera::fit(min, max), &splats, UVec2::new(1024, 768))?;
+//! let (camera, size) = (Camera::fit(min, max), UVec2::new(1024, 768));
+//! let shot = offscreen.draw(FrameInput::new(&scene, &camera, &splats, size))?;
 //! let picture: image::RgbImage = shot.picture;
 //! # Ok(())
 //! # }
@@ -66,6 +67,7 @@ pub mod camera;
 mod dirty;
 pub mod environment;
 pub mod error;
+pub mod frame;
 pub mod gpu;
 pub mod host;
 pub mod light_view;

@@ -7,9 +7,9 @@ use crate::camera::View;
 use crate::error::{Error, Result};
 use crate::liquid::classify::Splats;
 
-/// How a frame differs from the one before: [`Renderer::surface`].
+/// How a frame differs from the one before: [`FrameInput::surface`].
 ///
-/// [`Renderer::surface`]: crate::renderer::Renderer::surface
+/// [`FrameInput::surface`]: crate::frame::FrameInput::surface
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Motion {
     /// Velocity of each particle, m/s, in the order of the particles; empty if they are at rest.

@@ -6,11 +6,11 @@ use glam::{UVec2, Vec3};
 use image::{DynamicImage, GrayImage, RgbImage, Rgba, RgbaImage};
 
 use crate::aov::{self, Aov};
-use crate::camera::View;
 use crate::error::Result;
+use crate::frame::FrameInput;
 use crate::gpu::{self, Gpu, PassTime, SubmittedTimes};
-use crate::liquid::classify::Splats;
 use crate::mesh::linear_from_srgb;
+pub use crate::passes::tonemap::Picture;
 use crate::passes::tonemap::srgb_byte;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
@@ -19,9 +19,9 @@ use crate::scene::Scene;
 #[derive(Debug)]
 pub struct Offscreen {
     gpu: Gpu,
-    /// The renderer; the caller may set its `timing` and `diagnose`.
+    /// The renderer.
     pub renderer: Renderer,
-    picture: Option<(UVec2, Picture)>,
+    picture: Option<Picture>,
     /// Of the last frame: [`Offscreen::drawn_for_one`].
     side: u32,
 }
@@ -33,7 +33,7 @@ pub struct RenderedFrame {
     pub picture: RgbImage,
     /// Share of each pixel that is covered, if it varies: [`crate::settings::Refract::transparent`].
     pub coverage: Option<GrayImage>,
-    /// Time of each pass, if [`Renderer::timing`] is set.
+    /// Time of each pass, if [`FrameInput::timing`] is set.
     pub passes: Vec<PassTime>,
 }
 
@@ -71,30 +71,18 @@ impl Offscreen {
     /// # Errors
     /// As [`Renderer::render`].
     #[cfg(not(target_arch = "wasm32"))]
-    pub fn draw(
-        &mut self,
-        scene: &Scene,
-        view: impl Into<View>,
-        splats: &Splats,
-        size: UVec2,
-    ) -> Result<RenderedFrame> {
-        self.begin(scene, view, splats, size)?.wait()
+    pub fn draw(&mut self, input: FrameInput<'_>) -> Result<RenderedFrame> {
+        self.begin(input)?.wait()
     }
 
     /// Submits one frame of `size` pixels without waiting for it, so that the caller can begin the next
-    /// frame (and upload its particles) meanwhile. Waits only if [`Renderer::timing`] is set.
+    /// frame (and upload its particles) meanwhile. Waits only if [`FrameInput::timing`] is set.
     ///
     /// # Errors
     /// As [`Renderer::render`].
     #[cfg(not(target_arch = "wasm32"))]
-    pub fn begin(
-        &mut self,
-        scene: &Scene,
-        view: impl Into<View>,
-        splats: &Splats,
-        size: UVec2,
-    ) -> Result<PendingFrame> {
-        let mut frame = self.submit(scene, view, splats, size)?;
+    pub fn begin(&mut self, input: FrameInput<'_>) -> Result<PendingFrame> {
+        let mut frame = self.submit(input)?;
         pollster::block_on(frame.finish_times())?;
         Ok(frame)
     }
@@ -104,14 +92,8 @@ impl Offscreen {
     ///
     /// # Errors
     /// As `Renderer::render`.
-    pub async fn finish(
-        &mut self,
-        scene: &Scene,
-        view: impl Into<View>,
-        splats: &Splats,
-        size: UVec2,
-    ) -> Result<RenderedFrame> {
-        let mut frame = self.submit(scene, view, splats, size)?;
+    pub async fn finish(&mut self, input: FrameInput<'_>) -> Result<RenderedFrame> {
+        let mut frame = self.submit(input)?;
         frame.finish_times().await?;
         let picture = reduced(frame.picture.finish(&frame.gpu).await?, frame.side);
         Ok(RenderedFrame::of(picture, frame.transparent, frame.passes))
@@ -135,27 +117,20 @@ impl Offscreen {
     }
 
     /// Submits one frame of `size` pixels; its pass times are still to be read.
-    fn submit(
-        &mut self,
-        scene: &Scene,
-        view: impl Into<View>,
-        splats: &Splats,
-        size: UVec2,
-    ) -> Result<PendingFrame> {
-        self.side = self.drawn_for_one(scene, size);
-        let (side, size) = (self.side, size * self.side);
-        let mut scene = Cow::Borrowed(scene);
+    fn submit(&mut self, input: FrameInput<'_>) -> Result<PendingFrame> {
+        self.side = self.drawn_for_one(input.scene, input.size);
+        let (side, size) = (self.side, input.size * self.side);
+        let mut scene = Cow::Borrowed(input.scene);
         if side > 1 {
             let samples = &mut scene.to_mut().settings.refract.samples;
             *samples = (*samples / (side * side)).max(1);
         }
-        let reusable = self.picture.take().filter(|(old, _)| *old == size);
-        let (_, picture) = match reusable {
+        let reusable = self.picture.take().filter(|old| old.size() == size);
+        let picture = match reusable {
             Some(reusable) => self.picture.insert(reusable),
-            None => self.picture.insert((size, Picture::new(&self.gpu, size)?)),
+            None => self.picture.insert(Picture::new(&self.gpu, size)?),
         };
-        let target = picture.view();
-        let times = self.renderer.submit(&scene, view, splats, &target, Picture::FORMAT, size)?;
+        let times = self.renderer.submit(FrameInput { scene: &scene, size, ..input }, &*picture)?;
         let picture = picture.begin_reading(&self.gpu);
         let transparent = scene.settings.refract.transparent;
         let gpu = self.gpu.clone();
@@ -182,7 +157,7 @@ impl Offscreen {
         Ok(part.reduced(self.side))
     }
 
-    /// Reads intermediate images of the last frame; some require [`Renderer::diagnose`].
+    /// Reads intermediate images of the last frame; some require [`FrameInput::diagnose`].
     ///
     /// # Errors
     /// As [`aov::read`].
@@ -231,7 +206,7 @@ impl PendingFrame {
         Ok(())
     }
 
-    /// Time of each pass, if [`Renderer::timing`] is set: [`Offscreen::begin`] has waited for them.
+    /// Time of each pass, if [`FrameInput::timing`] is set: [`Offscreen::begin`] has waited for them.
     pub fn passes(&self) -> &[PassTime] {
         &self.passes
     }
@@ -298,31 +273,7 @@ impl PendingRadiance {
     }
 }
 
-/// A render target for [`Renderer::render`] that can be read back.
-#[derive(Debug)]
-pub struct Picture {
-    texture: wgpu::Texture,
-}
-
 impl Picture {
-    /// 8 bits per channel, sRGB-encoded as in a PNG.
-    pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-
-    /// Creates a picture of `size` pixels.
-    ///
-    /// # Errors
-    /// As [`Gpu::check_size`].
-    pub fn new(gpu: &Gpu, size: UVec2) -> Result<Self> {
-        gpu.check_size(size)?;
-        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
-        Ok(Self { texture: gpu::texture(gpu, "frame", size, 1, Self::FORMAT, usage) })
-    }
-
-    /// Creates the view to render into.
-    pub fn view(&self) -> wgpu::TextureView {
-        self.texture.create_view(&Default::default())
-    }
-
     /// Reads the picture back, waiting for the device.
     ///
     /// # Errors
@@ -332,10 +283,9 @@ impl Picture {
         self.begin_reading(gpu).wait(gpu)
     }
 
-    /// Submits a copy of the picture; the next frame may be rendered into it at once.
+    /// Submits a copy of the picture; the next frame may be drawn into it at once.
     pub fn begin_reading(&self, gpu: &Gpu) -> PendingPicture {
-        let size = UVec2::new(self.texture.width(), self.texture.height());
-        PendingPicture { size, texels: gpu::begin_reading(gpu, &self.texture, 0) }
+        PendingPicture { size: self.size(), bytes: self.begin_reading_bytes(gpu) }
     }
 }
 
@@ -343,7 +293,7 @@ impl Picture {
 #[derive(Debug)]
 pub struct PendingPicture {
     size: UVec2,
-    texels: gpu::Reading,
+    bytes: gpu::Reading,
 }
 
 impl PendingPicture {
@@ -358,7 +308,7 @@ impl PendingPicture {
 
     /// The picture; waits as [`Offscreen::finish`].
     async fn finish(self, gpu: &Gpu) -> Result<RgbaImage> {
-        Ok(image_of(self.size, self.texels.finish(gpu).await?))
+        Ok(image_of(self.size, self.bytes.finish(gpu).await?))
     }
 
     /// As [`PendingPicture::wait`], without blocking. Browsers poll their devices; other programs call
@@ -367,7 +317,7 @@ impl PendingPicture {
     /// # Errors
     /// [`crate::Error::DeviceLost`].
     pub async fn ready(self, gpu: &Gpu) -> Result<RgbaImage> {
-        Ok(image_of(self.size, self.texels.ready(gpu).await?))
+        Ok(image_of(self.size, self.bytes.ready(gpu).await?))
     }
 }
 
@@ -395,5 +345,5 @@ fn reduced(picture: RgbaImage, side: u32) -> RgbaImage {
 }
 
 fn image_of(size: UVec2, bytes: Vec<u8>) -> RgbaImage {
-    RgbaImage::from_raw(size.x, size.y, bytes).expect("the texture has four bytes per pixel")
+    RgbaImage::from_raw(size.x, size.y, bytes).expect("a picture has four bytes per pixel")
 }

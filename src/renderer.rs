@@ -7,12 +7,11 @@ use crate::camera::{CameraUniform, View};
 use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
+use crate::frame::{FrameInput, Target};
 use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, SubmittedTimes, Timer};
-use crate::host::{Host, HostRays};
+use crate::host::HostRays;
 use crate::lights::Lights;
-use crate::liquid::classify::Splats;
 use crate::memory;
-use crate::motion::Motion;
 use crate::passes::bounds::Bounds;
 use crate::passes::caustics::CausticMap;
 use crate::passes::gaps;
@@ -26,7 +25,6 @@ use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
 use crate::passes::view_passes::{FrameInputs, PassNames, SplatSet, ViewConfig, ViewPasses};
 use crate::passes::{GBufferImages, Layers, Radiance};
-use crate::scene::Scene;
 use crate::settings::{self, Solids};
 use crate::view_range;
 
@@ -53,7 +51,7 @@ pub struct Renderer {
     tonemap: Tonemap,
     composite: Tonemap,
     sized_for: (UVec2, bool),
-    /// Inputs of the last frame; `None` after an error, or without [`Renderer::reuse`].
+    /// Inputs of the last frame; `None` after an error, or without [`FrameInput::reuse`].
     last: Option<LastFrame>,
     /// Times of the last frame that the caller submits.
     pending_times: Option<PendingTimes>,
@@ -66,17 +64,6 @@ pub struct Renderer {
     shows_surface: bool,
     /// Number of fluids of the last frame.
     fluids: usize,
-    /// Measure each pass with timestamp queries, where the device supports them.
-    pub timing: bool,
-    /// Draw the per-pixel counts and the G-buffer for [`Renderer::images`].
-    pub diagnose: bool,
-    /// Skip passes whose inputs have not changed since the last frame; off by default.
-    pub reuse: bool,
-    /// What the program that uses limpid has drawn: liquid appears in it, and rays see it. The scene's solids
-    /// are then what rays find where the host's picture does not show its scene. They are not drawn.
-    pub host: Option<Host>,
-    /// Draw the images of the first interface, [`Images::surface`], with motion vectors since the frame before.
-    pub surface: Option<Motion>,
 }
 
 /// The intermediate images of the last frame.
@@ -92,7 +79,7 @@ pub struct Images {
     pub gbuffer: Option<GBufferImages>,
     /// The caustic map of each light, if it has one.
     pub caustics: Vec<Option<CausticMap>>,
-    /// The images of the first interface, if [`Renderer::surface`] was set.
+    /// The images of the first interface, if [`FrameInput::surface`] was set.
     pub surface: Option<SurfaceImages>,
     /// Number of fluids.
     pub fluids: usize,
@@ -103,7 +90,7 @@ pub struct Images {
     /// Whether the layers are those of an orthographic view.
     pub orthographic: bool,
     /// Interfaces, length inside the liquid (m), solver iterations and solver failures of each pixel's
-    /// rays; `None` unless [`Renderer::diagnose`] was set.
+    /// rays; `None` unless [`FrameInput::diagnose`] was set.
     pub diagnostics: Option<wgpu::Texture>,
 }
 
@@ -132,37 +119,25 @@ impl Renderer {
             transparent: false,
             shows_surface: false,
             fluids: 1,
-            timing: false,
-            diagnose: false,
-            reuse: false,
-            host: None,
-            surface: None,
         }
     }
 
-    /// Draws one frame into `target`, a view of `size` pixels in `format`, and submits it.
+    /// Draws one frame into `target`, of the frame's size, and submits it.
     ///
-    /// The device encodes sRGB formats; the shader encodes all others.
-    ///
-    /// Returns the time of each pass that ran if [`Renderer::timing`] is set, otherwise nothing. The call
+    /// Returns the time of each pass that ran if [`FrameInput::timing`] is set, otherwise nothing. The call
     /// blocks on the device to read these times, and if the frame is so long that it is split into
-    /// several submissions. With [`Renderer::reuse`], passes whose inputs have not changed are skipped;
-    /// [`Renderer::forget`] prevents that.
+    /// several submissions.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for a value out of range, [`crate::Error::Limit`] for a picture
     /// that is too large, [`crate::Error::DeviceLost`].
     #[cfg(not(target_arch = "wasm32"))]
-    pub fn render(
+    pub fn render<'a>(
         &mut self,
-        scene: &Scene,
-        view: impl Into<View>,
-        splats: &Splats,
-        target: &wgpu::TextureView,
-        format: wgpu::TextureFormat,
-        size: UVec2,
+        input: FrameInput<'_>,
+        target: impl Into<Target<'a>>,
     ) -> Result<Vec<PassTime>> {
-        let times = self.submit(scene, view, splats, target, format, size)?;
+        let times = self.submit(input, target)?;
         times.map_or_else(|| Ok(Vec::new()), |times| pollster::block_on(times.finish(&self.gpu)))
     }
 
@@ -170,19 +145,15 @@ impl Renderer {
     ///
     /// # Errors
     /// As `Renderer::render`.
-    pub fn submit(
+    pub fn submit<'a>(
         &mut self,
-        scene: &Scene,
-        view: impl Into<View>,
-        splats: &Splats,
-        target: &wgpu::TextureView,
-        format: wgpu::TextureFormat,
-        size: UVec2,
+        input: FrameInput<'_>,
+        target: impl Into<Target<'a>>,
     ) -> Result<Option<SubmittedTimes>> {
-        let frame = self.prepare_views(scene, view.into(), splats, size)?;
+        let frame = self.prepare_views(input)?;
         let gpu = &self.gpu.clone();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let (mut timer, mut commands) = (self.timer(), Commands::new(gpu, &mut encoder));
+        let (mut timer, mut commands) = (self.timer(&frame), Commands::new(gpu, &mut encoder));
         self.record_views(&frame, &mut commands, &mut timer);
         if !self.refract.is_compiled(frame.variant, &self.camera_view) {
             // The device starts drawing while the largest shaders compile.
@@ -191,8 +162,8 @@ impl Renderer {
         self.prepare_picture(&frame);
         self.pending_rays = self.record_picture(&frame, &mut commands, &mut timer);
         let span = timer.span("tonemap");
-        self.tonemap.prepare(gpu, &scene.settings.tonemap, format);
-        self.tonemap.record(gpu, commands.encoder, &self.refract.radiance, target, format, span);
+        let target = self.tonemap.prepare(gpu, &input.scene.settings.tonemap, target.into());
+        self.tonemap.record(gpu, commands.encoder, &self.refract.radiance, &target, span);
         let times = PendingTimes::record(gpu, timer, commands.encoder);
         commands.submit();
 
@@ -203,22 +174,16 @@ impl Renderer {
         Ok(times.zip(submission).map(|(times, submission)| times.submitted(submission)))
     }
 
-    /// Uploads what a frame of `size` pixels needs and has not yet, and compiles missing pipelines, for
-    /// [`Renderer::record`]. Waits for nothing, and submits nothing but uploads of more than half a million splats.
+    /// Uploads what a frame needs and has not yet, and compiles missing pipelines, for [`Renderer::record`]. Waits for
+    /// nothing, and submits nothing but uploads of more than half a million splats.
     ///
     /// Uploads take effect with the next submission to the queue: submit one frame before the next is
     /// prepared.
     ///
     /// # Errors
     /// As [`Renderer::render`].
-    pub fn prepare<'a>(
-        &mut self,
-        scene: &'a Scene,
-        view: impl Into<View>,
-        splats: &'a Splats,
-        size: UVec2,
-    ) -> Result<Frame<'a>> {
-        let frame = self.prepare_views(scene, view.into(), splats, size)?;
+    pub fn prepare<'a>(&mut self, input: FrameInput<'a>) -> Result<Frame<'a>> {
+        let frame = self.prepare_views(input)?;
         self.prepare_picture(&frame);
         Ok(frame)
     }
@@ -228,24 +193,23 @@ impl Renderer {
     /// for long is not split.
     pub fn record(&mut self, frame: Frame<'_>, encoder: &mut wgpu::CommandEncoder) {
         let gpu = &self.gpu.clone();
-        let (mut timer, mut commands) = (self.timer(), Commands::within(gpu, encoder));
+        let (mut timer, mut commands) = (self.timer(&frame), Commands::within(gpu, encoder));
         self.record_views(&frame, &mut commands, &mut timer);
         self.pending_rays = self.record_picture(&frame, &mut commands, &mut timer);
         self.pending_times = PendingTimes::record(gpu, timer, encoder);
         self.remember(frame);
     }
 
-    /// Records the tone mapping of the last recorded frame into `target`, a view of its size in `format`.
-    pub fn tonemap(
+    /// Records the tone mapping of the last recorded frame into `target`, of its size.
+    pub fn tonemap<'a>(
         &mut self,
         settings: &settings::Tonemap,
         encoder: &mut wgpu::CommandEncoder,
-        target: &wgpu::TextureView,
-        format: wgpu::TextureFormat,
+        target: impl Into<Target<'a>>,
     ) {
-        self.tonemap.prepare(&self.gpu, settings, format);
+        let target = self.tonemap.prepare(&self.gpu, settings, target.into());
         let (radiance, span) = (&self.refract.radiance, Span::default());
-        self.tonemap.record(&self.gpu, encoder, radiance, target, format, span);
+        self.tonemap.record(&self.gpu, encoder, radiance, &target, span);
     }
 
     /// Records the last recorded frame over what `target` contains, a view of its size in `format`, without
@@ -258,9 +222,9 @@ impl Renderer {
         format: wgpu::TextureFormat,
     ) {
         let linear = settings::Tonemap::default();
-        self.composite.prepare(&self.gpu, &linear, format);
+        let target = self.composite.prepare(&self.gpu, &linear, Target::View(target, format));
         let (radiance, span) = (&self.refract.radiance, Span::default());
-        self.composite.record(&self.gpu, encoder, radiance, target, format, span);
+        self.composite.record(&self.gpu, encoder, radiance, &target, span);
     }
 
     /// The linear picture of the last frame: RGB radiance and coverage, 32-bit floats. A frame of another
@@ -278,7 +242,7 @@ impl Renderer {
     }
 
     /// The times of the passes of the last recorded frame, once the device has finished it; `None` before,
-    /// without [`Renderer::timing`], and after they were taken. Does not wait: the caller submits the frame
+    /// without [`FrameInput::timing`], and after they were taken. Does not wait: the caller submits the frame
     /// before the first call and polls the device.
     pub fn take_pass_times(&mut self) -> Option<Vec<PassTime>> {
         let times = self.pending_times.as_mut()?.collect(&self.gpu)?;
@@ -286,7 +250,7 @@ impl Renderer {
         Some(times)
     }
 
-    /// How many rays of the last frame with a [host](Renderer::host) its picture answered, once the device
+    /// How many rays of the last frame with a [host](FrameInput::host) its picture answered, once the device
     /// has finished it; as [`Renderer::take_pass_times`]. Counts the first ray of each pixel with liquid.
     pub fn take_host_rays(&mut self) -> Option<HostRays> {
         let counts = self.pending_rays.as_mut()?.collect()?;
@@ -297,17 +261,16 @@ impl Renderer {
 
     /// Stores the inputs of a recorded frame for the next one.
     fn remember(&mut self, frame: Frame<'_>) {
-        let Frame { last, dirty, scene, splats, config, diagnosed, .. } = frame;
-        self.transparent = scene.settings.refract.transparent;
+        let Frame { input, last, dirty, config, .. } = frame;
+        self.transparent = input.scene.settings.refract.transparent;
         self.shows_surface = frame.surface.is_some();
-        self.fluids = scene.fluids.len().max(1);
-        let remember =
-            || LastFrame::new(last, dirty, scene, &frame.view, splats, config, diagnosed);
-        self.last = self.reuse.then(remember);
+        self.fluids = input.scene.fluids.len().max(1);
+        self.last = input.reuse.then(|| LastFrame::new(last, dirty, &input, config));
     }
 
     /// Fails if the inputs cannot be drawn.
-    fn check(&self, scene: &Scene, view: &View, splats: &Splats, size: UVec2) -> Result<()> {
+    fn check(&self, input: &FrameInput<'_>) -> Result<()> {
+        let FrameInput { scene, view, splats, size, .. } = *input;
         scene.check()?;
         view.check()?;
         self.gpu.check()?;
@@ -315,9 +278,9 @@ impl Renderer {
             memory::probe(COMPILING_MEMORY, "the shaders")?;
         }
         self.gpu.check_size(size)?;
-        view_range::check_scale(splats, view)?;
-        self.host.as_ref().map_or(Ok(()), |host| host.check(view, splats.radius, size))?;
-        self.surface.as_ref().map_or(Ok(()), |motion| motion.check(view, splats))?;
+        view_range::check_scale(splats, &view)?;
+        input.host.map_or(Ok(()), |host| host.check(&view, splats.radius, size))?;
+        input.surface.map_or(Ok(()), |motion| motion.check(&view, splats))?;
         let Environment::Map { size, pixels } = &scene.environment else { return Ok(()) };
         self.gpu.check_image(*size, Limited::Environment)?;
         if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
@@ -327,53 +290,32 @@ impl Renderer {
         Ok(())
     }
 
-    /// The view to draw for this one: another if it is from very far away.
-    fn drawn_view(&self, scene: &Scene, view: View, splats: &Splats, size: UVec2) -> Result<View> {
-        if self.host.is_some() {
-            return Ok(view);
-        }
-        let drawn = view_range::from_near_by(view, scene, splats, size)?;
-        if drawn != view && self.surface.is_some() {
-            let problem =
-                "it is too far away for images beside the picture, which are measured from it";
-            return Err(Error::invalid("camera", problem));
-        }
-        Ok(drawn)
-    }
-
     /// Resizes the passes' textures to the frame.
     fn resize(&mut self, frame: &Frame<'_>) {
         self.camera_view.resize(&self.gpu, frame.config);
-        let size = (frame.config.size, self.diagnose);
+        let size = (frame.config.size, frame.input.diagnose);
         if self.sized_for != size {
-            self.refract.resize(&self.gpu, size.0, self.diagnose);
+            self.refract.resize(&self.gpu, size.0, size.1);
             self.sized_for = size;
         }
     }
 
     /// Checks a frame, resizes what is drawn into, uploads changed inputs, and compiles missing pipelines,
     /// except for refraction, which takes longest and is compiled later.
-    fn prepare_views<'a>(
-        &mut self,
-        scene: &'a Scene,
-        view: View,
-        splats: &'a Splats,
-        size: UVec2,
-    ) -> Result<Frame<'a>> {
-        self.check(scene, &view, splats, size)?;
-        let view = self.drawn_view(scene, view, splats, size)?;
-        let view = view_range::clear_of_liquid(view, splats, size, scene.settings.classify.support);
-        if view.is_orthographic() != self.camera_view.camera.is_orthographic() {
-            self.camera_view = ViewPasses::new(&self.gpu, view.is_orthographic());
+    fn prepare_views<'a>(&mut self, input: FrameInput<'a>) -> Result<Frame<'a>> {
+        self.check(&input)?;
+        let input = FrameInput { view: drawn_view(&input)?, ..input };
+        if input.view.is_orthographic() != self.camera_view.camera.is_orthographic() {
+            self.camera_view = ViewPasses::new(&self.gpu, input.view.is_orthographic());
             self.last = None;
         }
-        let mut frame = Frame::new(self, scene, view, splats, size);
+        let mut frame = Frame::new(self, input);
         self.resize(&frame);
-        let (gpu, eye) = (&self.gpu, frame.view.eye);
+        let (gpu, eye) = (&self.gpu, input.view.eye);
         if frame.dirty.splats {
-            self.splat_set.upload(gpu, frame.splats);
+            self.splat_set.upload(gpu, input.splats);
         }
-        self.meshes.prepare(gpu, frame.scene)?;
+        self.meshes.prepare(gpu, input.scene)?;
         let inputs = frame.inputs(&self.splat_set, &self.meshes);
         if frame.dirty.lights {
             self.lights.prepare(gpu, inputs)?;
@@ -383,16 +325,17 @@ impl Renderer {
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
-        self.background.prepare(gpu, scene.background.as_ref(), size)?;
-        if let Some(host) = &frame.host {
+        self.background.prepare(gpu, input.scene.background.as_ref(), input.size)?;
+        if let Some(host) = input.host {
             self.host_gbuffer.prepare(gpu, &self.camera_view.camera, host, frame.uniform.far);
         }
-        if let Some(motion) = &self.surface {
-            let params = surface::Params::new(&frame.view, motion, size, splats.radius);
+        if let Some(motion) = input.surface {
+            let FrameInput { view, size, .. } = input;
+            let params = surface::Params::new(&view, motion, size, input.splats.radius);
             let request = surface::Request {
                 velocities: !motion.velocities.is_empty(),
                 splash: frame.config.splash,
-                host: frame.host.is_some(),
+                host: input.host.is_some(),
                 samples: frame.variant.samples,
             };
             frame.surface = Some(request);
@@ -406,7 +349,7 @@ impl Renderer {
     /// Uploads the parameters of refraction and compiles it.
     fn prepare_picture(&mut self, frame: &Frame<'_>) {
         let (camera, scene) = (&self.camera_view.camera, &self.camera_view.scene);
-        let structure = frame.scene.settings.refract.structure;
+        let structure = frame.input.scene.settings.refract.structure;
         let params = frame.refract_params();
         self.refract.prepare(&self.gpu, camera, scene, frame.variant, &params, structure);
         if frame.variant.mips() {
@@ -419,10 +362,10 @@ impl Renderer {
     }
 
     /// A timer for all passes of a frame.
-    fn timer(&self) -> Timer {
+    fn timer(&self, frame: &Frame<'_>) -> Timer {
         // Those of the views; then host, mips, bounds, refract, surface and tonemap, and the caustics of each light.
         let of_lights = (PassNames::COUNT + 1) * self.lights.views().len();
-        Timer::new(&self.gpu, self.timing, PassNames::COUNT + 6 + of_lights)
+        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 6 + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
@@ -434,7 +377,7 @@ impl Renderer {
         if dirty.surfaces {
             self.camera_view.record(&self.gpu, commands, inputs, timer, PassNames::CAMERA);
         }
-        if let Some(host) = &frame.host {
+        if let Some(host) = frame.input.host {
             let ViewPasses { camera, gbuffer, .. } = &self.camera_view;
             let (encoder, span) = (&mut *commands.encoder, timer.span("host"));
             self.host_gbuffer.record(&self.gpu, encoder, camera, host, &gbuffer.images, span);
@@ -453,7 +396,7 @@ impl Renderer {
         if let Some(mips) = self.mips.as_ref().filter(|_| dirty.surfaces && frame.variant.mips()) {
             let mut layers = vec![&self.camera_view.aggregate_layers().texture];
             layers.extend(self.camera_view.splash_layers().map(|splash| &splash.texture));
-            let on_screen = frame.screen_solids || frame.host.is_some();
+            let on_screen = frame.screen_solids || frame.input.host.is_some();
             layers.extend(on_screen.then_some(&self.camera_view.gbuffer.images.planes));
             mips.record(&self.gpu, commands.encoder, &layers, timer.span("mips"));
         }
@@ -465,7 +408,7 @@ impl Renderer {
         if dirty.radiance {
             let span = timer.span("refract");
             let (variant, work) = (frame.variant, frame.work);
-            let behind = match &frame.host {
+            let behind = match frame.input.host {
                 Some(host) => Some(&host.color),
                 None => self.background.view(),
             };
@@ -478,7 +421,7 @@ impl Renderer {
             let (encoder, span) = (&mut *commands.encoder, timer.span("surface"));
             self.surface_images.record(gpu, encoder, view, request, span);
         }
-        frame.host.as_ref().map(|_| refract.record_host_rays(gpu, commands.encoder))
+        frame.input.host.map(|_| refract.record_host_rays(gpu, commands.encoder))
     }
 
     /// Discards the last frame, so that the next one runs all passes: for measuring the time of a
@@ -517,12 +460,25 @@ impl Renderer {
     }
 }
 
-/// One frame: its inputs, and the configuration of its passes.
+/// The view to draw for a frame's: another if it is from very far away.
+fn drawn_view(input: &FrameInput<'_>) -> Result<View> {
+    let FrameInput { scene, view, splats, size, .. } = *input;
+    let drawn = match input.host {
+        Some(_) => view,
+        None => view_range::from_near_by(view, scene, splats, size)?,
+    };
+    if drawn != view && input.surface.is_some() {
+        let problem =
+            "it is too far away for images beside the picture, which are measured from it";
+        return Err(Error::invalid("camera", problem));
+    }
+    Ok(view_range::clear_of_liquid(drawn, splats, size, scene.settings.classify.support))
+}
+
+/// A frame that is prepared: its inputs, and the configuration of its passes.
 #[derive(Debug)]
 pub struct Frame<'a> {
-    scene: &'a Scene,
-    view: View,
-    splats: &'a Splats,
+    input: FrameInput<'a>,
     uniform: CameraUniform,
     config: ViewConfig,
     variant: Variant,
@@ -534,10 +490,6 @@ pub struct Frame<'a> {
     starts_inside: bool,
     /// Rays intersect solids in the G-buffer.
     screen_solids: bool,
-    /// Draw the per-pixel counts and the G-buffer.
-    diagnosed: bool,
-    /// What the caller has drawn.
-    host: Option<Host>,
     /// Images of the first interface, if they are drawn.
     surface: Option<surface::Request>,
     /// The frame before.
@@ -547,15 +499,9 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    fn new(
-        renderer: &mut Renderer,
-        scene: &'a Scene,
-        view: View,
-        splats: &'a Splats,
-        size: UVec2,
-    ) -> Self {
-        let (gpu, diagnose, settings) = (&renderer.gpu, renderer.diagnose, &scene.settings);
-        let host = renderer.host.clone();
+    fn new(renderer: &mut Renderer, input: FrameInput<'a>) -> Self {
+        let FrameInput { scene, view, splats, size, host, diagnose, .. } = input;
+        let (gpu, settings) = (&renderer.gpu, &scene.settings);
         let screen_solids =
             settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
         let splash = !splats.splashes.is_empty();
@@ -574,20 +520,18 @@ impl<'a> Frame<'a> {
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
             gaps,
-            tags: renderer.surface.is_some(),
+            tags: input.surface.is_some(),
             sections: Sections::for_work(gpu, size, work),
         };
-        let last = renderer.last.take().filter(|_| renderer.reuse);
-        let mut dirty = Dirty::since(last.as_ref(), scene, &view, splats, config, diagnose);
+        let last = renderer.last.take().filter(|_| input.reuse);
+        let mut dirty = Dirty::since(last.as_ref(), &input, config);
         // What the host has drawn into its textures is not known.
         dirty.surfaces |= host.is_some();
         dirty.radiance |= host.is_some();
         let far = view_range::farthest_depth(splats, &view)
-            .max(host.as_ref().map_or(0.0, |host| host.depth_code().far()));
+            .max(host.map_or(0.0, |host| host.depth_code().far()));
         Self {
-            scene,
-            view,
-            splats,
+            input,
             uniform: view.uniform(size, splats.origin, far),
             config,
             variant,
@@ -595,8 +539,6 @@ impl<'a> Frame<'a> {
             work,
             starts_inside,
             screen_solids,
-            diagnosed: diagnose,
-            host,
             surface: None,
             last,
             dirty,
@@ -604,15 +546,15 @@ impl<'a> Frame<'a> {
     }
 
     fn inputs<'b>(&'b self, splat_set: &'b SplatSet, meshes: &'b MeshBuffers) -> FrameInputs<'b> {
-        let Self { scene, splats, fits, .. } = self;
-        FrameInputs { scene, splats, splat_set, meshes, fits }
+        let FrameInput { scene, splats, .. } = self.input;
+        FrameInputs { scene, splats, splat_set, meshes, fits: &self.fits }
     }
 
     fn refract_params(&self) -> refract::Params {
-        let Self { scene, splats, .. } = self;
+        let FrameInput { scene, splats, view, .. } = self.input;
         let mut params = refract::Params::new(scene, &scene.settings.refract, splats.radius);
         let lit = scene.solids.iter().any(|solid| solid.lit);
-        if self.starts_inside && !self.view.is_orthographic() && self.variant.absorption && lit {
+        if self.starts_inside && !view.is_orthographic() && self.variant.absorption && lit {
             params.eye_depth = view_range::depth_below_surface(splats, self.uniform.origin);
         }
         params

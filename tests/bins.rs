@@ -4,7 +4,8 @@
 mod frames;
 
 use frames::{
-    FrameImages, Harness, gpu, harness, noise_vector, on_axis, render, scene, sphere, splats,
+    FrameImages, Harness, diagnosed, gpu, harness, limited, noise_vector, on_axis, render, scene,
+    sphere, splats,
 };
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
@@ -70,24 +71,7 @@ fn assert_same(a: &FrameImages, b: &FrameImages, what: &str) {
 }
 
 fn draw(gpu: &Gpu, scene: &Scene, camera: &Camera, splats: &Splats) -> FrameImages {
-    let mut renderer = Renderer::new(gpu);
-    renderer.diagnose = true;
-    render(gpu, &mut renderer, scene, camera, splats, SIZE)
-}
-
-/// The device of the tests with other limits.
-fn limited(gpu: &Gpu, change: impl FnOnce(&mut wgpu::Limits)) -> Gpu {
-    let wanted = gpu.device.adapter_info();
-    let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    let adapters = wgpu::Instance::new(descriptor).enumerate_adapters(wanted.backend.into());
-    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
-    let adapter = adapter.expect("the adapter of the other device");
-    let mut required_limits = adapter.limits();
-    change(&mut required_limits);
-    let descriptor = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-        .expect("limits below the adapter's");
-    Gpu::from_device(device, queue)
+    render(gpu, &mut Renderer::new(gpu), diagnosed(scene, camera, splats, SIZE))
 }
 
 /// A thread for a pixel, or for a column of pixels: the same bits, in all views, of the camera and of lights.
@@ -169,8 +153,7 @@ fn frames_do_not_depend_on_those_before() {
         let part = Splats { aggregates: all.aggregates[..count].to_vec(), ..all.clone() };
         let next = harness.render(&scene, camera, &part, size);
         let mut renderer = Renderer::new(&harness.gpu);
-        renderer.diagnose = true;
-        let new = render(&harness.gpu, &mut renderer, &scene, camera, &part, size);
+        let new = render(&harness.gpu, &mut renderer, diagnosed(&scene, camera, &part, size));
         assert_same(&next, &new, &format!("{count} in {size}"));
     }
 }

@@ -12,6 +12,7 @@ use glam::{DMat4, DVec2, DVec3, UVec2, Vec3};
 use image::RgbaImage;
 use limpid::camera::{Camera, Lens, Projection, View};
 use limpid::environment::Environment;
+use limpid::frame::{FrameInput, Target};
 use limpid::gpu::{self, Gpu};
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::{Offscreen, Picture};
@@ -266,17 +267,18 @@ fn recorded_frames_are_those_drawn_at_once() {
     let camera = Camera { eye: DVec3::new(0.5, 0.9, 2.5), ..on_axis(0.0, 40.0) };
     let expected: RgbaImage = {
         let mut offscreen = Offscreen::new(&gpu);
-        let drawn = offscreen.draw(&scene, &camera, &splats, SIZE).expect("a frame");
+        let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+        let drawn = offscreen.draw(input).expect("a frame");
         drawn.into_image().into_rgba8()
     };
     let mut renderer = limpid::renderer::Renderer::new(&gpu);
-    renderer.timing = true;
     let target = Picture::new(&gpu, SIZE).expect("a picture");
-    let frame = renderer.prepare(&scene, &camera, &splats, SIZE).expect("it is prepared");
+    let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+    let frame = renderer.prepare(FrameInput { timing: true, ..input }).expect("it is prepared");
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     renderer.record(frame, &mut encoder);
     let settings = &scene.settings.tonemap;
-    renderer.tonemap(settings, &mut encoder, &target.view(), Picture::FORMAT);
+    renderer.tonemap(settings, &mut encoder, &target);
     let blank = target.read(&gpu).expect("it is read");
     assert!(blank.pixels().all(|p| p.0 == [0; 4]), "nothing is submitted by recording");
     gpu.queue.submit([encoder.finish()]);
@@ -301,8 +303,9 @@ fn awaited_frames_are_those_waited_for() {
     let camera = Camera { eye: DVec3::new(0.5, 0.9, 2.5), ..on_axis(0.0, 40.0) };
     let gpu = pollster::block_on(Gpu::request()).expect("there is an adapter");
     let mut offscreen = Offscreen::new(&gpu);
-    let expected = offscreen.draw(&scene, &camera, &splats, SIZE).expect("a frame").picture;
-    let pending = offscreen.begin(&scene, &camera, &splats, SIZE).expect("a frame");
+    let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+    let expected = offscreen.draw(input).expect("a frame").picture;
+    let pending = offscreen.begin(input).expect("a frame");
     let awaited = std::thread::spawn(|| pollster::block_on(pending.ready()));
     while !awaited.is_finished() {
         gpu.device.poll(wgpu::PollType::Poll).expect("it is polled");
@@ -358,7 +361,8 @@ fn float_targets_are_linear_and_composed_over() {
     }
     scene.settings.refract.transparent = false;
     scene.environment = Environment::Constant(Vec3::new(4.0, 0.5, 0.25));
-    harness.renderer.render(&scene, &camera, &splats, &target, format, SIZE).expect("a frame");
+    let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+    harness.renderer.render(input, Target::View(&target, format)).expect("a frame");
     let nothing = images.pixels().find(|p| images.at("depth.aggregate_front", *p) == 0.0).unwrap();
     let linear = halves(&read())[(nothing.y * SIZE.x + nothing.x) as usize];
     assert_eq!(linear, DVec3::new(4.0, 0.5, 0.25), "neither bounded nor encoded");
@@ -392,7 +396,8 @@ fn coverage_is_what_backgrounds_do_not_show_through() {
     let camera = Camera { eye: DVec3::new(0.0, 0.3, 3.0), ..on_axis(0.0, 45.0) };
     let mut offscreen = Offscreen::new(&gpu);
     let mut radiance = |scene: &Scene| {
-        let drawn = offscreen.draw(scene, &camera, &splats, SIZE).expect("a frame");
+        let input = FrameInput::new(scene, &camera, &splats, SIZE);
+        let drawn = offscreen.draw(input).expect("a frame");
         (drawn.coverage, offscreen.radiance().expect("radiance").channels)
     };
     let opaque = [0.0, 1.0].map(|c| {

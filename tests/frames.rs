@@ -8,17 +8,20 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use frames::{
-    FrameImages, Harness, ellipsoid, glowing, gpu, harness, mean_difference, noise_vector, on_axis,
-    render, scene, sphere, splats,
+    FrameImages, Harness, diagnosed, ellipsoid, glowing, gpu, harness, limited, mean_difference,
+    noise_vector, on_axis, render, scene, sphere, splats,
 };
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
+use limpid::frame::{FrameInput, Target};
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splats, classify};
 use limpid::offscreen::Picture;
 use limpid::offscreen::{Offscreen, PendingFrame};
+use limpid::passes::Radiance;
+use limpid::passes::tonemap::Tonemap;
 use limpid::renderer::Renderer;
 use limpid::scene::{Scene, Shape};
 use limpid::settings::{Classify, Settings, Solids};
@@ -73,14 +76,16 @@ fn pipelined_pictures_equal_single_pictures() {
         .map(|(count, size)| (tank_of(count), size))
         .collect();
     let alone = frames.iter().map(|((scene, camera, drawn), size)| {
-        let shot = Offscreen::new(&gpu).draw(scene, camera, drawn, *size).expect("a picture");
-        shot.picture
+        let input = FrameInput::new(scene, camera, drawn, *size);
+        Offscreen::new(&gpu).draw(input).expect("a picture").picture
     });
     let alone: Vec<_> = alone.collect();
     let mut offscreen = Offscreen::new(&gpu);
     let begun: Vec<_> = frames
         .iter()
-        .map(|((scene, camera, drawn), size)| offscreen.begin(scene, camera, drawn, *size))
+        .map(|((scene, camera, drawn), size)| {
+            offscreen.begin(FrameInput::new(scene, camera, drawn, *size))
+        })
         .collect();
     // In reverse order, which must not matter.
     for (begun, alone) in begun.into_iter().zip(alone).rev() {
@@ -121,27 +126,21 @@ fn frames_do_not_depend_on_each_other() {
     ];
     let draw = |renderer: &mut Renderer,
                 (_, scene, drawn, size): (&str, &Scene, &Splats, UVec2)| {
-        let shot = render(&gpu, renderer, scene, &camera, drawn, size);
+        let shot = render(&gpu, renderer, diagnosed(scene, &camera, drawn, size));
         shot.assert_finite();
         shot
     };
-    let new = || {
-        let mut renderer = Renderer::new(&gpu);
-        renderer.diagnose = true;
-        renderer
-    };
     // New renderers for the two frames that could inherit most; for the others, the first round.
-    let mut kept = new();
+    let mut kept = Renderer::new(&gpu);
     let first: Vec<_> = frames.iter().map(|&frame| draw(&mut kept, frame)).collect();
     for i in [0, 2] {
-        assert_same(&draw(&mut new(), frames[i]), &first[i], frames[i].0);
+        assert_same(&draw(&mut Renderer::new(&gpu), frames[i]), &first[i], frames[i].0);
     }
     for i in [3, 0, 6, 1, 5, 2, 7, 4, 1, 3] {
         assert_same(&draw(&mut kept, frames[i]), &first[i], frames[i].0);
     }
     // Without diagnostics, which draw a G-buffer and count, the picture is the same.
-    kept.diagnose = false;
-    let plain = draw(&mut kept, frames[0]);
+    let plain = render(&gpu, &mut kept, FrameInput::new(&scene, &camera, &drawn, SIZE));
     assert!(!plain.has("interfaces") && !plain.has("solid_depth"));
     let difference = largest_difference(&plain, &first[0]);
     println!("without counting: {difference:e}");
@@ -217,7 +216,8 @@ fn bytes(
         view_formats: &[],
     });
     let view = texture.create_view(&Default::default());
-    renderer.render(scene, camera, drawn, &view, format, size).expect("drawn");
+    let input = FrameInput::new(scene, camera, drawn, size);
+    renderer.render(input, Target::View(&view, format)).expect("drawn");
     let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("readback"),
         size: u64::from(4 * size.x * size.y),
@@ -290,6 +290,69 @@ fn one_stop_of_exposure_doubles_the_picture() {
             let off = (linear(b[i]) - (0.5 * bright.radiance(p)[i]).min(1.0)).abs();
             assert!(off <= 0.6 * step(b[i]) + 1e-4, "{p}: {} of {}", b[i], bright.radiance(p));
         }
+    }
+}
+
+/// Pictures hold the sRGB code that is nearest to the radiance: of each code's own value, and on both sides of the midpoints
+/// between them. So they agree on all adapters. Pictures larger than a binding are drawn in bands of rows.
+#[test]
+fn radiance_is_rounded_to_the_nearest_code() {
+    let Some(gpu) = gpu() else { return };
+    // Of 64 rows at most.
+    let small = limited(&gpu, |limits| limits.max_storage_buffer_binding_size = 66_000);
+    for gpu in [gpu, small] {
+        assert_codes(&gpu);
+    }
+}
+
+fn assert_codes(gpu: &Gpu) {
+    let linear = |code: f64| {
+        let c = code / 255.0;
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    };
+    // Columns are codes; rows are at them, before their upper midpoint, and after it, by turns.
+    let (size, offsets) = (UVec2::new(256, 150), [0.0, 0.499, 0.501]);
+    let row = |y: u32| {
+        let offset = offsets[y as usize % 3];
+        let row = (0..256).map(move |k| linear((f64::from(k) + offset).min(255.4)) as f32);
+        row.flat_map(|c| [c, c, c, 1.0])
+    };
+    let texels: Vec<f32> = (0..size.y).flat_map(row).collect();
+    let extent = wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("known radiance"),
+        size: extent,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba32Float,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let layout = wgpu::TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(16 * size.x),
+        rows_per_image: None,
+    };
+    let bytes = bytemuck::cast_slice(&texels);
+    gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, extent);
+
+    let picture = Picture::new(gpu, size).expect("a picture");
+    let mut tonemap = Tonemap::new(gpu, false);
+    let settings = Settings::default().tonemap;
+    let prepared = tonemap.prepare(gpu, &settings, Target::Picture(&picture));
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let radiance = Radiance { texture };
+    tonemap.record(gpu, &mut encoder, &radiance, &prepared, Default::default());
+    gpu.queue.submit([encoder.finish()]);
+    for (x, y, pixel) in picture.read(gpu).expect("it is read").enumerate_pixels() {
+        let expected = (x + u32::from(y % 3 == 2)).min(255) as u8;
+        assert_eq!(
+            pixel.0,
+            [expected, expected, expected, 255],
+            "code {x} + {}",
+            offsets[y as usize % 3]
+        );
     }
 }
 
@@ -461,27 +524,14 @@ fn picture_has_the_requested_size() {
 #[test]
 fn splats_beyond_one_binding_are_drawn_in_parts() {
     let Some(whole) = gpu() else { return };
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-        ..wgpu::InstanceDescriptor::new_without_display_handle()
-    });
-    let wanted = whole.device.adapter_info();
-    let adapters = instance.enumerate_adapters(wanted.backend.into());
-    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
     // Room for 1,000 splats in a binding.
-    let descriptor = wgpu::DeviceDescriptor {
-        required_limits: wgpu::Limits {
-            max_storage_buffer_binding_size: 48_000,
-            ..Default::default()
-        },
-        ..Default::default()
-    };
-    let adapter = adapter.expect("the adapter of the other device");
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    let parts = Gpu::from_device(device, queue);
+    let parts = limited(&whole, |limits| limits.max_storage_buffer_binding_size = 48_000);
     let (scene, camera, drawn) = tank_of(2500);
     assert!(drawn.aggregates.len() > 2000, "{} aggregates", drawn.aggregates.len());
-    let [whole, parts] = [whole, parts]
-        .map(|gpu| render(&gpu, &mut Renderer::new(&gpu), &scene, &camera, &drawn, SIZE));
+    let [whole, parts] = [whole, parts].map(|gpu| {
+        let input = FrameInput::new(&scene, &camera, &drawn, SIZE);
+        render(&gpu, &mut Renderer::new(&gpu), input)
+    });
     assert!(whole.picture == parts.picture);
 }
 
@@ -493,7 +543,7 @@ fn a_taken_radiance_stays() {
     let other = Camera { eye: DVec3::new(-0.7, 0.8, 2.0), ..camera };
     let mut offscreen = Offscreen::new(&gpu);
     let mut draw = |camera: &Camera, spare: Option<wgpu::Texture>| {
-        let frame = offscreen.draw(&scene, camera, &splats, SIZE).unwrap();
+        let frame = offscreen.draw(FrameInput::new(&scene, camera, &splats, SIZE)).unwrap();
         let read = offscreen.radiance().unwrap();
         (frame.picture, read, offscreen.take_radiance(spare))
     };
@@ -519,19 +569,20 @@ fn an_interrupt_ends_a_frame() {
     let (scene, camera, splats) = tank();
     let interrupt = Arc::new(AtomicBool::new(false));
     let mut offscreen = Offscreen::new(&gpu.clone().with_interrupt(interrupt.clone()));
-    let expected = offscreen.draw(&scene, &camera, &splats, SIZE).unwrap().picture;
+    let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+    let expected = offscreen.draw(input).unwrap().picture;
     interrupt.store(true, Ordering::Relaxed);
-    let ended = offscreen.draw(&scene, &camera, &splats, SIZE);
+    let ended = offscreen.draw(input);
     assert!(matches!(ended, Err(limpid::Error::Interrupted)), "{:?}", ended.err());
-    let other = Offscreen::new(&gpu).draw(&scene, &camera, &splats, SIZE).unwrap().picture;
+    let other = Offscreen::new(&gpu).draw(input).unwrap().picture;
     assert_eq!(other, expected);
     interrupt.store(false, Ordering::Relaxed);
     // Interrupted after it was submitted.
-    let pending = offscreen.begin(&scene, &camera, &splats, SIZE).unwrap();
+    let pending = offscreen.begin(input).unwrap();
     interrupt.store(true, Ordering::Relaxed);
     assert!(matches!(pending.wait(), Err(limpid::Error::Interrupted)));
     interrupt.store(false, Ordering::Relaxed);
-    assert_eq!(offscreen.draw(&scene, &camera, &splats, SIZE).unwrap().picture, expected);
+    assert_eq!(offscreen.draw(input).unwrap().picture, expected);
 }
 
 /// Four channels are the three of a picture and its coverage, or an opaque one.
@@ -542,8 +593,9 @@ fn four_channels_are_three_and_coverage() {
     let mut offscreen = Offscreen::new(&gpu);
     for transparent in [false, true] {
         scene.settings.refract.transparent = transparent;
-        let expected = offscreen.draw(&scene, &camera, &splats, SIZE).unwrap();
-        let pending = offscreen.begin(&scene, &camera, &splats, SIZE).unwrap();
+        let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+        let expected = offscreen.draw(input).unwrap();
+        let pending = offscreen.begin(input).unwrap();
         let picture = pending.wait_rgba().unwrap();
         for (x, y, pixel) in picture.enumerate_pixels() {
             let [r, g, b] = expected.picture.get_pixel(x, y).0;

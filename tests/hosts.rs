@@ -8,7 +8,8 @@ mod hosts;
 use std::sync::Arc;
 
 use frames::{
-    FrameImages, Harness, ellipsoid, glowing, harness, mean_difference, on_axis, scene, splats,
+    FrameImages, Harness, diagnosed, ellipsoid, glowing, harness, mean_difference, on_axis, render,
+    scene, splats,
 };
 use glam::dcamera::rh::proj::directx::{
     orthographic, perspective, perspective_infinite, perspective_infinite_reverse,
@@ -17,6 +18,7 @@ use glam::{DMat4, DVec2, DVec3, Quat, UVec2, Vec3};
 use hosts::{host_of, texture};
 use limpid::camera::{Camera, Projection, View};
 use limpid::environment::Environment;
+use limpid::frame::FrameInput;
 use limpid::host::{Host, HostRays};
 use limpid::liquid::classify::Splats;
 use limpid::mesh::Texture;
@@ -64,15 +66,13 @@ fn parallel(camera: &Camera) -> (View, DMat4) {
 fn hosted(
     harness: &mut Harness,
     scene: &Scene,
-    host: Host,
+    host: &Host,
     view: View,
     splats: &Splats,
 ) -> FrameImages {
     let known = Scene { solids: Vec::new(), ..scene.clone() };
-    harness.renderer.host = Some(host);
-    let frame = harness.render(&known, view, splats, SIZE);
-    harness.renderer.host = None;
-    frame
+    let input = FrameInput { host: Some(host), ..diagnosed(&known, view, splats, SIZE) };
+    render(&harness.gpu, &mut harness.renderer, input)
 }
 
 fn rays(harness: &mut Harness) -> HostRays {
@@ -94,7 +94,7 @@ fn solids_and_their_picture_refract_alike() {
         let known = harness.render(&scene, view, &splats, SIZE);
         let gpu = &harness.gpu;
         let host = host_of(gpu, &mut harness.renderer, &scene, view, SIZE, clip_from_view);
-        let shown = hosted(harness, &scene, host.clone(), view, &splats);
+        let shown = hosted(harness, &scene, &host, view, &splats);
         let HostRays { rays, fallbacks } = rays(harness);
         shown.assert_finite();
         let difference = mean_difference(&known, &shown);
@@ -115,7 +115,7 @@ fn solids_and_their_picture_refract_alike() {
         let other =
             host_of(&harness.gpu, &mut harness.renderer, &other, view, SIZE, clip_from_view);
         let wrong = Host { color: other.color, ..host };
-        let wrong = hosted(harness, &scene, wrong, view, &splats);
+        let wrong = hosted(harness, &scene, &wrong, view, &splats);
         assert!(mean_difference(&known, &wrong) > 2.0 * difference);
     }
 }
@@ -130,7 +130,7 @@ fn every_projection_gives_the_same_picture() {
     let view = View::from(&camera);
     let mut draw = |clip_from_view: DMat4| {
         let host = host_of(&harness.gpu, &mut harness.renderer, &scene, view, SIZE, clip_from_view);
-        hosted(harness, &scene, host, view, &splats)
+        hosted(harness, &scene, &host, view, &splats)
     };
     let usual = draw(usual());
     for clip_from_view in [
@@ -160,12 +160,12 @@ fn hosts_may_be_off_centre() {
         let view = View::from_matrices(view_from_world, clip_from_view).unwrap();
         let known = harness.render(&scene, view, &splats, SIZE);
         let host = host_of(&harness.gpu, &mut harness.renderer, &scene, view, SIZE, clip_from_view);
-        let shown = hosted(harness, &scene, host, view, &splats);
+        let shown = hosted(harness, &scene, &host, view, &splats);
         // The lens magnifies edges, which the picture shows a pixel wide.
         let difference = mean_difference(&known, &shown);
         // A checker that can fail: the picture of another view.
         let other = host_of(&harness.gpu, &mut harness.renderer, &scene, &camera, SIZE, usual());
-        let other = hosted(harness, &scene, other, view, &splats);
+        let other = hosted(harness, &scene, &other, view, &splats);
         let wrong = mean_difference(&known, &other);
         println!("{shift}: {difference:.5}, of another view {wrong:.5}");
         assert!(difference < 0.01 && wrong > difference + 0.004, "{shift}: {difference}, {wrong}");
@@ -182,14 +182,14 @@ fn normals_of_a_host_are_used_where_it_has_them() {
     scene.solids.truncate(1);
     let view = View::from(&camera);
     let host = host_of(&harness.gpu, &mut harness.renderer, &scene, view, SIZE, usual());
-    let plain = hosted(harness, &scene, host.clone(), view, &splats);
+    let plain = hosted(harness, &scene, &host, view, &splats);
     let mut with = |normal: Vec3, gap: usize| {
         let texel =
             |i: usize| if i.is_multiple_of(gap) { [0.0; 4] } else { normal.extend(0.0).to_array() };
         let texels: Vec<f32> = (0..(SIZE.x * SIZE.y) as usize).flat_map(texel).collect();
         let format = wgpu::TextureFormat::Rgba32Float;
         let normals = Some(texture(&harness.gpu, SIZE, format, &texels));
-        let frame = hosted(harness, &scene, Host { normals, ..host.clone() }, view, &splats);
+        let frame = hosted(harness, &scene, &Host { normals, ..host.clone() }, view, &splats);
         frame.assert_finite();
         mean_difference(&plain, &frame)
     };
@@ -211,7 +211,7 @@ fn hosts_hide_liquid_behind_them() {
         let known = harness.render(&scene, view, &splats, SIZE);
         let gpu = &harness.gpu;
         let host = host_of(gpu, &mut harness.renderer, &scene, view, SIZE, clip_from_view);
-        let shown = hosted(harness, &scene, host, view, &splats);
+        let shown = hosted(harness, &scene, &host, view, &splats);
         shown.assert_finite();
         let green = |p: &UVec2| known.radiance(*p).distance(DVec3::new(0.1, 0.7, 0.2)) < 1e-6;
         let pixels: Vec<_> = known.pixels().filter(green).collect();
@@ -234,11 +234,10 @@ fn told_solids_are_found_outside_the_picture() {
     let view = View::from(&camera);
     let known = harness.render(&scene, view, &splats, SIZE);
     let host = host_of(&harness.gpu, &mut harness.renderer, &scene, view, SIZE, usual());
-    let without = hosted(harness, &scene, host.clone(), view, &splats);
-    harness.renderer.host = Some(host);
-    let told = harness.render(&scene, view, &splats, SIZE);
+    let without = hosted(harness, &scene, &host, view, &splats);
+    let input = FrameInput { host: Some(&host), ..diagnosed(&scene, view, &splats, SIZE) };
+    let told = render(&harness.gpu, &mut harness.renderer, input);
     let counts = rays(harness);
-    harness.renderer.host = None;
     let (without, told) = (mean_difference(&known, &without), mean_difference(&known, &told));
     println!("told {told:.5}, not told {without:.5}, {counts:?}");
     assert!(told < 0.004 && without > 2.0 * told, "{told}, {without}");
@@ -252,7 +251,7 @@ fn transparent_pictures_hold_the_liquid_alone() {
     let (mut scene, splats, camera) = world();
     scene.settings.refract.transparent = true;
     let host = host_of(&harness.gpu, &mut harness.renderer, &scene, &camera, SIZE, usual());
-    let shown = hosted(harness, &scene, host, (&camera).into(), &splats);
+    let shown = hosted(harness, &scene, &host, (&camera).into(), &splats);
     let mut filled = 0;
     for p in shown.pixels() {
         let alpha = shown.picture.get_pixel(p.x, p.y).0[3];
@@ -282,9 +281,8 @@ fn unusable_hosts_are_refused() {
         (Host { clip_from_view: parallel(&camera).1, ..usable.clone() }, "is orthographic"),
         (Host { clip_from_view: -usual(), ..usable }, "looking down -z"),
     ] {
-        harness.renderer.host = Some(host);
-        let error = harness.renderer.prepare(&scene, &camera, &splats, SIZE).unwrap_err();
-        harness.renderer.host = None;
+        let input = FrameInput { host: Some(&host), ..diagnosed(&scene, &camera, &splats, SIZE) };
+        let error = harness.renderer.prepare(input).unwrap_err();
         assert!(error.to_string().contains(problem), "{error}");
     }
 }
@@ -326,7 +324,7 @@ fn backgrounds_are_seen_and_refracted() {
     let host = Host { color, depth, normals: None, clip_from_view: usual() };
     scene.background = None;
     let without = harness.render(&scene, &camera, &splats, SIZE);
-    let hosted = hosted(harness, &scene, host, (&camera).into(), &splats);
+    let hosted = hosted(harness, &scene, &host, (&camera).into(), &splats);
     assert!(mean_difference(&known, &hosted) < 1e-4, "{}", mean_difference(&known, &hosted));
     assert!(mean_difference(&without, &known) > 0.1);
 }

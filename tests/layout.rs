@@ -142,7 +142,7 @@ fn shared_structs_agree() {
         pad_eye_depth,
     });
     let structure = rust_struct!(refract::StructureParams { structure });
-    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded, dither });
+    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded, dither, first_row });
     let host = rust_struct!(host::Params { offset, slope, cleared });
     let surface = rust_struct!(surface::Params {
         previous_from_world,

@@ -10,6 +10,7 @@ use glam::{DVec3, UVec2, Vec3};
 use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
+use limpid::frame::{FrameInput, Target};
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::offscreen::Picture;
@@ -46,13 +47,11 @@ impl Checked {
     }
 
     /// Renders one frame into a new picture and reads it back.
-    fn render(&self, renderer: &mut Renderer, scene: &Scene, splats: &Splats, size: UVec2) {
-        let frame = Picture::new(&self.gpu, size).expect("the size is allowed");
-        renderer
-            .render(scene, &camera(), splats, &frame.view(), Picture::FORMAT, size)
-            .expect("the scene is valid");
+    fn render(&self, renderer: &mut Renderer, input: FrameInput<'_>) {
+        let frame = Picture::new(&self.gpu, input.size).expect("the size is allowed");
+        renderer.render(input, &frame).expect("the scene is valid");
         let picture = frame.read(&self.gpu).expect("the device is not lost");
-        assert_eq!(UVec2::from(picture.dimensions()), size);
+        assert_eq!(UVec2::from(picture.dimensions()), input.size);
     }
 }
 
@@ -128,9 +127,9 @@ fn every_kind_of_frame_is_valid() {
     let sizes = [UVec2::new(33, 17), UVec2::new(16, 24), UVec2::ONE];
     let mut sizes = sizes.iter().cycle();
     let mut draw = |scene: &Scene, splats: &Splats, diagnose: bool, what: &str| {
-        renderer.diagnose = diagnose;
         let &size = sizes.next().expect("a cycle has no end");
-        device.render(&mut renderer, scene, splats, size);
+        let input = FrameInput::new(scene, &camera(), splats, size);
+        device.render(&mut renderer, FrameInput { diagnose, ..input });
         if diagnose {
             // Readback needs texture usages that drawing does not.
             aov::read(&device.gpu, &renderer.images(), &Aov::ALL).expect("a valid read");
@@ -222,8 +221,9 @@ fn every_setting_is_valid() {
         for (what, change) in changes {
             let mut scene = Scene { solids: solids(), lights: lights(), ..Scene::default() };
             change(&mut scene);
-            renderer.diagnose = diagnose;
-            device.render(&mut renderer, &scene, &splats(3, 1), UVec2::new(20, 10));
+            let splats = splats(3, 1);
+            let input = FrameInput::new(&scene, &camera(), &splats, UVec2::new(20, 10));
+            device.render(&mut renderer, FrameInput { diagnose, ..input });
             assert_eq!(device.errors(), [""; 0], "{what}, diagnose {diagnose}");
         }
     }
@@ -235,7 +235,9 @@ fn any_number_of_splats_is_valid() {
     let device = Checked::new();
     let mut renderer = Renderer::new(&device.gpu);
     for (aggregates, splashes) in [(0, 0), (0, 2), (2, 0), (1000, 5), (3, 1000), (0, 0), (1, 1)] {
-        device.render(&mut renderer, &scene(), &splats(aggregates, splashes), UVec2::new(9, 9));
+        let (scene, splats) = (scene(), splats(aggregates, splashes));
+        let input = FrameInput::new(&scene, &camera(), &splats, UVec2::new(9, 9));
+        device.render(&mut renderer, input);
         assert_eq!(device.errors(), [""; 0], "{aggregates} aggregates, {splashes} splashes");
     }
 }
@@ -252,9 +254,9 @@ fn every_target_format_is_valid() {
         wgpu::TextureFormat::Rgba16Float,
     ] {
         let target = target(&device.gpu, format, size);
-        renderer
-            .render(&scene(), &camera(), &splats(2, 0), &target, format, size)
-            .expect("a valid scene");
+        let (scene, splats) = (scene(), splats(2, 0));
+        let input = FrameInput::new(&scene, &camera(), &splats, size);
+        renderer.render(input, Target::View(&target, format)).expect("a valid scene");
         assert_eq!(device.errors(), [""; 0], "{format:?}");
     }
 }
@@ -264,14 +266,12 @@ fn every_target_format_is_valid() {
 fn timed_frames_are_valid() {
     let device = Checked::with(wgpu::Features::TIMESTAMP_QUERY);
     let mut renderer = Renderer::new(&device.gpu);
-    renderer.timing = true;
     let size = UVec2::new(16, 8);
-    let target = target(&device.gpu, Picture::FORMAT, size);
+    let target = Picture::new(&device.gpu, size).expect("the size is allowed");
     let mut times = |splashes: usize| {
-        let splats = splats(2, splashes);
-        renderer
-            .render(&scene(), &camera(), &splats, &target, Picture::FORMAT, size)
-            .expect("a valid scene")
+        let (scene, splats) = (scene(), splats(2, splashes));
+        let input = FrameInput::new(&scene, &camera(), &splats, size);
+        renderer.render(FrameInput { timing: true, ..input }, &target).expect("a valid scene")
     };
     let (without, with) = (times(0), times(2));
     assert_eq!(device.errors(), [""; 0]);
@@ -285,8 +285,12 @@ fn device_reports_planted_errors() {
     let mut renderer = Renderer::new(&device.gpu);
     let size = UVec2::new(16, 8);
     let target = target(&device.gpu, wgpu::TextureFormat::Rgba16Float, size);
+    let (scene, splats) = (scene(), splats(2, 0));
     renderer
-        .render(&scene(), &camera(), &splats(2, 0), &target, Picture::FORMAT, size)
+        .render(
+            FrameInput::new(&scene, &camera(), &splats, size),
+            Target::View(&target, wgpu::TextureFormat::Rgba8Unorm),
+        )
         .expect("limpid does not know the view's format");
     let errors = device.errors();
     assert!(errors.iter().any(|e| e.contains("Rgba16Float")), "{errors:?}");

@@ -9,6 +9,7 @@ use frames::{
 };
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::liquid::classify::Splat;
 use limpid::offscreen::Picture;
 
@@ -466,8 +467,8 @@ fn extreme_scales_are_drawn_or_refused() {
     let mut refused = |scale: f32| {
         let (camera, splats) = scaled(scale);
         let frame = Picture::new(&harness.gpu, SIZE).unwrap();
-        let view = frame.view();
-        harness.renderer.render(&scene(), &camera, &splats, &view, Picture::FORMAT, SIZE).err()
+        let scene = scene();
+        harness.renderer.render(FrameInput::new(&scene, &camera, &splats, SIZE), &frame).err()
     };
     for scale in [3e9, 3e-10] {
         let error = refused(scale).expect("the scale is refused").to_string();

@@ -3,9 +3,12 @@
 #[path = "support/frames.rs"]
 mod frames;
 
-use frames::{Harness, glowing, harness, noise_vector, on_axis, scene, sphere, splats};
+use frames::{
+    Harness, diagnosed, glowing, harness, noise_vector, on_axis, render, scene, sphere, splats,
+};
 use glam::{DQuat, DVec2, DVec3, UVec2, Vec3};
 use limpid::camera::{Camera, Lens, View};
+use limpid::frame::FrameInput;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::motion::Motion;
 use limpid::scene::{Scene, Shape};
@@ -14,14 +17,13 @@ const SIZE: UVec2 = UVec2::new(120, 90);
 
 fn draw(
     harness: &mut Harness,
-    motion: Motion,
+    motion: &Motion,
     scene: &Scene,
     camera: &Camera,
     splats: &Splats,
 ) -> frames::FrameImages {
-    harness.renderer.surface = Some(motion);
-    let images = harness.render(scene, camera, splats, SIZE);
-    harness.renderer.surface = None;
+    let input = FrameInput { surface: Some(motion), ..diagnosed(scene, camera, splats, SIZE) };
+    let images = render(&harness.gpu, &mut harness.renderer, input);
     images.assert_finite();
     images
 }
@@ -49,7 +51,7 @@ fn a_ball_has_its_depth_and_normal() {
     let mut scene = scene();
     let wall = Shape::Box { min: DVec3::new(-2.0, -2.0, 1.0), max: DVec3::new(0.0, 2.0, 1.2) };
     scene.solids.push(glowing(wall, Vec3::ONE));
-    let images = draw(&mut harness, Motion::default(), &scene, &camera, &splats);
+    let images = draw(&mut harness, &Motion::default(), &scene, &camera, &splats);
     let view = frames::View::new(&camera, SIZE);
     let (mut seen, mut hidden) = (0, 0);
     for p in images.pixels() {
@@ -100,7 +102,7 @@ fn motion_is_that_of_the_projected_points() {
             seconds: seconds as f32,
             previous: Some(View::from(&before)),
         };
-        let images = draw(&mut harness, motion.clone(), &scene(), &camera, &splats);
+        let images = draw(&mut harness, &motion, &scene(), &camera, &splats);
         let view = frames::View::new(&camera, SIZE);
         let mut count = 0;
         for p in images.pixels().filter(|p| images.at("depth.Z", *p) > 0.0) {
@@ -121,7 +123,7 @@ fn motion_is_that_of_the_projected_points() {
         assert!(count > 1000, "{count} pixels");
         // A checker that can fail: without the camera's motion, vectors differ.
         let still = Motion { previous: None, ..motion };
-        let still = draw(&mut harness, still, &scene(), &camera, &splats);
+        let still = draw(&mut harness, &still, &scene(), &camera, &splats);
         let differs =
             |p: &UVec2| (still.at("motion.X", *p) - images.at("motion.X", *p)).abs() > 0.5;
         assert!(images.pixels().filter(differs).count() > count / 2);
@@ -140,7 +142,7 @@ fn motion_of_a_turning_cloud_is_that_of_its_particles() {
     let camera = on_axis(3.0, 45.0);
     let velocities = places.iter().map(|x| angular.cross(*x).as_vec3()).collect();
     let motion = Motion { velocities, seconds: seconds as f32, previous: None };
-    let images = draw(&mut harness, motion, &scene(), &camera, &splats);
+    let images = draw(&mut harness, &motion, &scene(), &camera, &splats);
     let view = frames::View::new(&camera, SIZE);
     let (mut total, mut lengths, mut count) = (0.0, 0.0, 0);
     for p in images.pixels().filter(|p| images.at("depth.Z", *p) > 0.0) {
@@ -172,7 +174,7 @@ fn coverage_is_the_share_of_rays() {
     let mut scene = scene();
     scene.settings.refract.samples = 16;
     scene.settings.refract.transparent = true;
-    let images = draw(&mut harness, Motion::default(), &scene, &camera, &splats);
+    let images = draw(&mut harness, &Motion::default(), &scene, &camera, &splats);
     for p in images.pixels() {
         let coverage = images.at("coverage.A", p);
         let alpha = f64::from(images.picture.get_pixel(p.x, p.y).0[3]) / 255.0;
@@ -181,7 +183,7 @@ fn coverage_is_the_share_of_rays() {
     // A solid hides a part of the rays of the pixels at its edge.
     let wall = Shape::Box { min: DVec3::new(-2.0, -2.0, 1.0), max: DVec3::new(0.013, 2.0, 1.2) };
     scene.solids.push(glowing(wall, Vec3::ONE));
-    let images = draw(&mut harness, Motion::default(), &scene, &camera, &splats);
+    let images = draw(&mut harness, &Motion::default(), &scene, &camera, &splats);
     let partial = |p: &UVec2| (1..16).any(|k| images.at("coverage.A", *p) == f64::from(k) / 16.0);
     let edge: Vec<_> = images.pixels().filter(partial).collect();
     assert!(edge.len() > 10 && edge.iter().all(|p| p.x == edge[0].x), "{edge:?}");
@@ -196,7 +198,7 @@ fn masks_tell_fluids_apart() {
     let splats = splats(&[left], &[right], 0.3);
     let scene = Scene { fluids: vec![Vec3::ONE, Vec3::X], ..scene() };
     let camera = on_axis(3.0, 45.0);
-    let images = draw(&mut harness, Motion::default(), &scene, &camera, &splats);
+    let images = draw(&mut harness, &Motion::default(), &scene, &camera, &splats);
     let mut counts = [0, 0];
     for p in images.pixels() {
         let masks = ["mask.fluid1", "mask.fluid2"].map(|name| images.at(name, p));
@@ -208,8 +210,7 @@ fn masks_tell_fluids_apart() {
     assert!(counts.iter().all(|&count| count > 200), "{counts:?}");
 }
 
-/// Velocities that do not belong to the frame are refused, and motion that changes between `prepare` and
-/// `record` counts from the next frame on.
+/// Velocities that do not belong to the frame are refused; others are drawn.
 #[test]
 fn motion_belongs_to_its_frame() {
     let Some(mut harness) = harness() else { return };
@@ -218,17 +219,17 @@ fn motion_belongs_to_its_frame() {
     let splats = splats(&balls[..18], &balls[18..], 0.2);
     let (scene, camera) = (scene(), on_axis(3.0, 45.0));
     let motion = |count| Motion { velocities: vec![Vec3::X; count], ..Motion::default() };
-    harness.renderer.surface = Some(motion(19));
-    let error = harness.renderer.prepare(&scene, &camera, &splats, SIZE).unwrap_err();
+    let input = diagnosed(&scene, &camera, &splats, SIZE);
+    let wrong = motion(19);
+    let error =
+        harness.renderer.prepare(FrameInput { surface: Some(&wrong), ..input }).unwrap_err();
     assert!(error.to_string().contains("19 velocities are given for 20 particles"), "{error}");
 
-    harness.renderer.surface = Some(motion(0));
-    let frame = harness.renderer.prepare(&scene, &camera, &splats, SIZE).unwrap();
-    harness.renderer.surface = Some(motion(20));
+    let right = motion(20);
+    let frame = harness.renderer.prepare(FrameInput { surface: Some(&right), ..input }).unwrap();
     let mut encoder = harness.gpu.device.create_command_encoder(&Default::default());
     harness.renderer.record(frame, &mut encoder);
     harness.gpu.queue.submit([encoder.finish()]);
-    harness.renderer.surface = None;
     harness.gpu.check().expect("the recorded frame is that of `prepare`");
     assert!(harness.renderer.images().surface.is_some());
 }
@@ -244,7 +245,7 @@ fn motion_from_behind_the_eye_is_none() {
         let before = Camera { eye, target: eye - DVec3::Z, ..camera };
         let previous = Some(View::from(&before));
         let motion = Motion { previous, ..Motion::default() };
-        let images = draw(&mut harness, motion, &scene(), &camera, &splats);
+        let images = draw(&mut harness, &motion, &scene(), &camera, &splats);
         let most = images.channel("motion.X").iter().fold(0.0f32, |most, x| most.max(x.abs()));
         if eye.z < -1.0 {
             assert_eq!(most, 0.0, "{eye}");

@@ -10,12 +10,17 @@ use crate::error::{Error, Result};
 /// Reads a buffer that has `COPY_SRC` usage, waiting for the device.
 #[cfg(not(target_arch = "wasm32"))]
 pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
-    let staging = staging(gpu, buffer.size());
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
-    let submission = gpu.queue.submit([encoder.finish()]);
+    begin_reading_buffer(gpu, buffer).wait(gpu)
+}
+
+/// Starts to read a buffer that has `COPY_SRC` usage.
+pub fn begin_reading_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Reading {
     let row = buffer.size();
-    Reading { staging, padded_row: row, row, submission }.wait(gpu)
+    let staging = staging(gpu, row);
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, row);
+    let submission = gpu.queue.submit([encoder.finish()]);
+    Reading { staging, padded_row: row, row, submission }
 }
 
 /// A pending readback of the rows of a texture, or of a buffer as one row. Later submissions do not

@@ -3,9 +3,12 @@
 use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
+use glam::UVec2;
 use wgpu::TextureViewDimension::D2;
 
 use super::Radiance;
+use crate::error::Result;
+use crate::frame::Target;
 use crate::gpu::{self, Gpu, Span};
 use crate::settings::{self, Curve};
 
@@ -23,6 +26,8 @@ pub struct Params {
     pub bounded: u32,
     /// Width of the dither: a step of the encoded target, 0 for none.
     pub dither: f32,
+    /// First row of what is drawn.
+    pub first_row: u32,
 }
 
 /// Encodes linear light, 0 to 1, as 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
@@ -32,36 +37,91 @@ pub fn srgb_byte(c: f64) -> u8 {
     (255.0 * encoded).round() as u8
 }
 
-/// Tone-maps radiance into a caller's texture view.
+/// A picture in the device's memory: 8-bit sRGB and coverage, red first, rows from the top without padding.
+#[derive(Debug)]
+pub struct Picture {
+    size: UVec2,
+    bytes: wgpu::Buffer,
+}
+
+impl Picture {
+    /// Creates a picture of `size` pixels.
+    ///
+    /// # Errors
+    /// As [`Gpu::check_size`].
+    pub fn new(gpu: &Gpu, size: UVec2) -> Result<Self> {
+        gpu.check_size(size)?;
+        let bytes = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("picture"),
+            size: 4 * u64::from(size.x) * u64::from(size.y),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        Ok(Self { size, bytes })
+    }
+
+    /// Pixels.
+    pub fn size(&self) -> UVec2 {
+        self.size
+    }
+
+    /// Submits a copy of the bytes; the next frame may be drawn into the picture at once.
+    pub(crate) fn begin_reading_bytes(&self, gpu: &Gpu) -> gpu::Reading {
+        gpu::begin_reading_buffer(gpu, &self.bytes)
+    }
+}
+
+/// Tone-maps radiance into a picture or a caller's texture view.
 #[derive(Debug)]
 pub struct Tonemap {
     /// Blend over what the view contains, by coverage, instead of replacing it.
     blends: bool,
-    pipelines: HashMap<wgpu::TextureFormat, wgpu::RenderPipeline>,
-    params: wgpu::Buffer,
+    views: HashMap<wgpu::TextureFormat, wgpu::RenderPipeline>,
+    picture: Option<wgpu::ComputePipeline>,
     layout: wgpu::BindGroupLayout,
+    picture_layout: wgpu::BindGroupLayout,
+}
+
+/// A target, with what draws into it.
+#[derive(Debug)]
+pub struct Prepared<'a>(Output<'a>);
+
+#[derive(Debug)]
+enum Output<'a> {
+    /// A view, its pipeline and parameters.
+    View(&'a wgpu::TextureView, wgpu::RenderPipeline, wgpu::Buffer),
+    /// A picture, its pipeline, and the first row and parameters of each band of rows that one binding holds.
+    Picture(&'a Picture, wgpu::ComputePipeline, Vec<(u32, wgpu::Buffer)>),
 }
 
 impl Tonemap {
-    /// Creates the layout; a pipeline is compiled for each target format on first use.
+    /// Creates the layouts; a pipeline is compiled for each kind of target on first use.
     pub fn new(gpu: &Gpu, blends: bool) -> Self {
         let bindings = [gpu::sampled(D2), gpu.branching::<Params>()];
+        let stages = wgpu::ShaderStages::FRAGMENT | wgpu::ShaderStages::COMPUTE;
+        let picture = [gpu::storage_read_write(4)];
         Self {
             blends,
-            pipelines: HashMap::new(),
-            params: gpu::uniform_buffer::<Params>(gpu, "tonemap"),
-            layout: gpu.layout("tonemap", wgpu::ShaderStages::FRAGMENT, &bindings),
+            views: HashMap::new(),
+            picture: None,
+            layout: gpu.layout("tonemap", stages, &bindings),
+            picture_layout: gpu.layout("picture", wgpu::ShaderStages::COMPUTE, &picture),
         }
     }
 
-    /// Writes the parameters and compiles the pipeline for `format` if it is new.
-    pub fn prepare(
+    /// Writes the parameters and compiles the pipeline for the target if it is new.
+    pub fn prepare<'a>(
         &mut self,
         gpu: &Gpu,
         settings: &settings::Tonemap,
-        format: wgpu::TextureFormat,
-    ) {
-        let encode = !format.is_srgb() && !is_linear(format);
+        target: Target<'a>,
+    ) -> Prepared<'a> {
+        let (encode, bounded) = match target {
+            Target::View(_, format) => {
+                (!format.is_srgb() && !is_linear(format), !is_linear(format))
+            }
+            Target::Picture(_) => (true, true),
+        };
         let params = Params {
             gain: settings.exposure.exp2(),
             curve: match settings.curve {
@@ -69,34 +129,89 @@ impl Tonemap {
                 Curve::Aces => 1,
             },
             encode: u32::from(encode),
-            bounded: u32::from(!is_linear(format)),
+            bounded: u32::from(bounded),
             dither: if settings.dither && encode { 1.0 / 255.0 } else { 0.0 },
+            first_row: 0,
         };
-        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
-        self.pipelines.entry(format).or_insert_with(|| {
-            let blend = self.blends.then_some(wgpu::BlendState::ALPHA_BLENDING);
-            pipeline(gpu, &self.layout, wgpu::ColorTargetState { blend, ..format.into() })
-        });
+        let uniform = |params| gpu::buffer_with(gpu, "tonemap", gpu::UNIFORM, &[params]);
+        Prepared(match target {
+            Target::View(view, format) => {
+                let pipeline = self.views.entry(format).or_insert_with(|| {
+                    let blend = self.blends.then_some(wgpu::BlendState::ALPHA_BLENDING);
+                    let target = wgpu::ColorTargetState { blend, ..format.into() };
+                    view_pipeline(gpu, &self.layout, target)
+                });
+                Output::View(view, pipeline.clone(), uniform(params))
+            }
+            Target::Picture(picture) => {
+                let layouts = [&self.layout, &self.picture_layout];
+                let pipeline = self.picture.get_or_insert_with(|| {
+                    gpu::compute_pipeline(gpu, "tonemap.wgsl", "bytes", &layouts, &[])
+                });
+                let rows = gpu.band_rows(picture.size.x) as usize;
+                let bands = (0..picture.size.y)
+                    .step_by(rows)
+                    .map(|first_row| (first_row, uniform(Params { first_row, ..params })));
+                Output::Picture(picture, pipeline.clone(), bands.collect())
+            }
+        })
     }
 
-    /// Records the tone mapping of `radiance` into `target`, a view of the same size in a prepared format.
+    /// Records the tone mapping of `radiance` into a target of the same size.
     pub fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         radiance: &Radiance,
-        target: &wgpu::TextureView,
-        format: wgpu::TextureFormat,
+        target: &Prepared<'_>,
         span: Span<'_>,
     ) {
         let view = radiance.texture.create_view(&Default::default());
-        let resources =
-            [wgpu::BindingResource::TextureView(&view), self.params.as_entire_binding()];
-        let group = gpu::bind_group(gpu, "tonemap", &self.layout, &resources);
+        let group = |params: &wgpu::Buffer| {
+            let resources = [wgpu::BindingResource::TextureView(&view), params.as_entire_binding()];
+            gpu::bind_group(gpu, "tonemap", &self.layout, &resources)
+        };
+        match &target.0 {
+            Output::View(view, pipeline, params) => {
+                self.record_view(encoder, &group(params), view, pipeline, span);
+            }
+            Output::Picture(picture, pipeline, bands) => {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some("tonemap"),
+                    timestamp_writes: span.compute(),
+                });
+                pass.set_pipeline(pipeline);
+                let ends = bands.iter().skip(1).map(|band| band.0).chain([picture.size.y]);
+                for ((first_row, params), end) in bands.iter().zip(ends) {
+                    let size = UVec2::new(picture.size.x, end - first_row);
+                    let row = 4 * u64::from(size.x);
+                    let bytes = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                        buffer: &picture.bytes,
+                        offset: row * u64::from(*first_row),
+                        size: wgpu::BufferSize::new(row * u64::from(size.y)),
+                    });
+                    let bytes = gpu::bind_group(gpu, "picture", &self.picture_layout, &[bytes]);
+                    pass.set_bind_group(0, &group(params), &[]);
+                    pass.set_bind_group(1, &bytes, &[]);
+                    let (x, y) = gpu::workgroups(size);
+                    pass.dispatch_workgroups(x, y, 1);
+                }
+            }
+        }
+    }
+
+    fn record_view(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        group: &wgpu::BindGroup,
+        view: &wgpu::TextureView,
+        pipeline: &wgpu::RenderPipeline,
+        span: Span<'_>,
+    ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("tonemap"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: target,
+                view,
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations {
@@ -112,8 +227,8 @@ impl Tonemap {
             occlusion_query_set: None,
             multiview_mask: None,
         });
-        pass.set_pipeline(&self.pipelines[&format]);
-        pass.set_bind_group(0, &group, &[]);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, group, &[]);
         pass.draw(0..3, 0..1);
     }
 }
@@ -124,7 +239,7 @@ fn is_linear(format: wgpu::TextureFormat) -> bool {
     matches!(format, Rgba16Float | Rgba32Float | Rg11b10Ufloat)
 }
 
-fn pipeline(
+fn view_pipeline(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
     target: wgpu::ColorTargetState,

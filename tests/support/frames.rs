@@ -11,6 +11,7 @@ use image::RgbaImage;
 use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::offscreen::Picture;
@@ -18,7 +19,7 @@ use limpid::renderer::Renderer;
 use limpid::scene::{Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
 
-/// A device and a renderer with diagnostics.
+/// A device and a renderer.
 pub(crate) struct Harness {
     pub(crate) gpu: Gpu,
     pub(crate) renderer: Renderer,
@@ -32,8 +33,7 @@ pub(crate) fn harness() -> Option<MutexGuard<'static, Harness>> {
     static HARNESS: OnceLock<Option<Mutex<Harness>>> = OnceLock::new();
     let open = || {
         let gpu = gpu()?;
-        let mut renderer = Renderer::new(&gpu);
-        renderer.diagnose = true;
+        let renderer = Renderer::new(&gpu);
         Some(Mutex::new(Harness { gpu, renderer }))
     };
     // A poisoned lock is harmless: the next frame replaces all state of a failed test.
@@ -54,8 +54,23 @@ pub(crate) fn gpu() -> Option<Gpu> {
     }
 }
 
+/// The device of the tests with other limits.
+pub(crate) fn limited(gpu: &Gpu, change: impl FnOnce(&mut wgpu::Limits)) -> Gpu {
+    let wanted = gpu.device.adapter_info();
+    let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    let adapters = wgpu::Instance::new(descriptor).enumerate_adapters(wanted.backend.into());
+    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
+    let adapter = adapter.expect("the adapter of the other device");
+    let mut required_limits = adapter.limits();
+    change(&mut required_limits);
+    let descriptor = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+        .expect("limits below the adapter's");
+    Gpu::from_device(device, queue)
+}
+
 impl Harness {
-    /// Draws a frame and reads all its images back.
+    /// Draws a frame with diagnostics and reads all its images back.
     pub(crate) fn render(
         &mut self,
         scene: &Scene,
@@ -63,23 +78,25 @@ impl Harness {
         splats: &Splats,
         size: UVec2,
     ) -> FrameImages {
-        render(&self.gpu, &mut self.renderer, scene, view, splats, size)
+        render(&self.gpu, &mut self.renderer, diagnosed(scene, view, splats, size))
     }
 }
 
-/// Draws a frame and reads all its images back.
-pub(crate) fn render(
-    gpu: &Gpu,
-    renderer: &mut Renderer,
-    scene: &Scene,
+/// The input of a frame with diagnostics.
+pub(crate) fn diagnosed<'a>(
+    scene: &'a Scene,
     view: impl Into<limpid::camera::View>,
-    splats: &Splats,
+    splats: &'a Splats,
     size: UVec2,
-) -> FrameImages {
+) -> FrameInput<'a> {
+    FrameInput { diagnose: true, ..FrameInput::new(scene, view, splats, size) }
+}
+
+/// Draws a frame and reads all its images back.
+pub(crate) fn render(gpu: &Gpu, renderer: &mut Renderer, input: FrameInput<'_>) -> FrameImages {
+    let size = input.size;
     let frame = Picture::new(gpu, size).expect("a frame");
-    renderer
-        .render(scene, view, splats, &frame.view(), Picture::FORMAT, size)
-        .expect("the frame is drawn");
+    renderer.render(input, &frame).expect("the frame is drawn");
     let picture = frame.read(gpu).expect("the picture is read");
     let parts = aov::read(gpu, &renderer.images(), &Aov::ALL).expect("the images are read");
     let picture_sized = parts.into_iter().filter(|part| part.name == "limpid");

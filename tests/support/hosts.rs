@@ -4,6 +4,7 @@
 use glam::{DMat4, DVec4, UVec2};
 use limpid::aov::{self, Aov, Part};
 use limpid::camera::View;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::host::Host;
 use limpid::liquid::classify::Splats;
@@ -21,14 +22,10 @@ pub(crate) fn host_of(
     size: UVec2,
     clip_from_view: DMat4,
 ) -> Host {
-    let (diagnosed, host) = (renderer.diagnose, renderer.host.take());
-    assert!(host.is_none(), "a host's scene is drawn without a host");
-    renderer.diagnose = true;
     let picture = Picture::new(gpu, size).unwrap();
     let nothing = Splats { radius: 1.0, ..Splats::default() };
-    let target = picture.view();
-    renderer.render(scene, view, &nothing, &target, Picture::FORMAT, size).unwrap();
-    renderer.diagnose = diagnosed;
+    let input = FrameInput::new(scene, view, &nothing, size);
+    renderer.render(FrameInput { diagnose: true, ..input }, &picture).unwrap();
     let chosen = [Aov::Radiance, Aov::SolidDepth];
     let part = aov::read(gpu, &renderer.images(), &chosen).unwrap().remove(0);
     let colors = ["R", "G", "B"].map(|c| channel(&part, &format!("radiance.{c}")));

@@ -22,7 +22,8 @@ use image::GrayImage;
 use limpid::Error::{Defect, DeviceLost};
 use limpid::aov::{self, Aov, Part};
 use limpid::camera::View;
-use limpid::gpu::{Gpu, PassTime};
+use limpid::frame::FrameInput;
+use limpid::gpu::PassTime;
 use limpid::liquid::Up;
 use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingFrame};
@@ -283,11 +284,10 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     let opened = opened.map_or_else(pipeline_cache::open_adapter, Ok);
     loader.classifier().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
     let (gpu, cache) = opened?;
-    let still = frame_times.len() == 1;
     let clock = Clock { times: frame_times, rate, stride, frozen };
     let (budget, offscreen) = match budget {
         Some((budget, offscreen)) => (Some(budget), offscreen),
-        None => (None, offscreen(args, &gpu, still)),
+        None => (None, Offscreen::new(&gpu)),
     };
     let mut frame_loop = FrameLoop {
         args,
@@ -466,20 +466,28 @@ impl FrameLoop<'_> {
 
     fn begin_drawing(&mut self, job: &mut Job, loaded: &Loaded) -> limpid_io::Result<Submitted> {
         let motion = self.motion(job, loaded);
+        let at_rest = self.clock.times.len() == 1;
         let Self { args, scene, offscreen, output, console, budget, fingerprints, .. } = self;
         let chosen = args.aov.as_deref().unwrap_or_default();
         let interface =
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
-        offscreen.renderer.surface = chosen.iter().any(interface).then_some(motion);
         let rung = budget.as_ref().map(Budget::rung);
         if let Some(budget) = budget {
             scene.settings = budget.settings().clone();
             job.fingerprint = budget.fingerprints(fingerprints, scene, args.size).of(&job.shot);
         }
-        let (scene, view) = (loaded.scene(scene), (&job.shot.camera, args.size));
+        let scene = loaded.scene(scene);
+        let input = FrameInput {
+            surface: chosen.iter().any(interface).then_some(&motion),
+            diagnose: args.aov.is_some(),
+            timing: args.stats.is_some() || args.budget.is_some(),
+            // A moving camera around particles at rest does not change the lights' maps.
+            reuse: at_rest && (args.turntable.is_some() || args.camera_path.is_some()),
+            ..FrameInput::new(&scene, &job.shot.camera, &loaded.splats, args.size)
+        };
         let drawing = match budget {
-            Some(budget) => budget.draw(offscreen, &scene, &loaded.splats, view)?,
-            None => offscreen.begin(&scene, view.0, &loaded.splats, view.1)?,
+            Some(budget) => budget.draw(offscreen, input)?,
+            None => offscreen.begin(input)?,
         };
         let straight = offscreen.renderer.lights_without_caustics();
         if !straight.is_empty() {
@@ -542,7 +550,7 @@ impl FrameLoop<'_> {
             Err(Error::Render(DeviceLost(_) | Defect(_))) if self.args.keep_going => {
                 let gpu = limpid_io::device::open()?;
                 self.classifier.set(Some(&gpu));
-                self.offscreen = offscreen(self.args, &gpu, self.clock.times.len() == 1);
+                self.offscreen = Offscreen::new(&gpu);
                 self.stats.adapter = gpu.adapter();
                 self.budget.iter_mut().for_each(Budget::renew);
                 let drawing = self.begin_drawing(job, &loaded)?;
@@ -588,15 +596,6 @@ impl FrameLoop<'_> {
             ..Outcome::default()
         })
     }
-}
-
-fn offscreen(args: &Args, gpu: &Gpu, at_rest: bool) -> Offscreen {
-    let mut offscreen = Offscreen::new(gpu);
-    offscreen.renderer.timing = args.stats.is_some() || args.budget.is_some();
-    offscreen.renderer.diagnose = args.aov.is_some();
-    // A moving camera around particles at rest does not change the lights' maps.
-    offscreen.renderer.reuse = at_rest && (args.turntable.is_some() || args.camera_path.is_some());
-    offscreen
 }
 
 /// The output file, if it is a film.

@@ -15,6 +15,7 @@ use limpid::Error;
 use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid::environment::Environment;
+use limpid::frame::FrameInput;
 use limpid::gpu::{Gpu, MOST_WORK, pieces};
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::Offscreen;
@@ -76,7 +77,8 @@ fn frame() -> (Scene, Camera, Loaded) {
 
 fn draw(offscreen: &mut Offscreen, size: UVec2) -> limpid::Result<RgbImage> {
     let (scene, camera, loaded) = frame();
-    offscreen.draw(&scene, &camera, &loaded.splats, size).map(|drawn| drawn.picture)
+    let input = FrameInput::new(&scene, &camera, &loaded.splats, size);
+    offscreen.draw(input).map(|drawn| drawn.picture)
 }
 
 /// The picture drawn by a new device.
@@ -102,10 +104,11 @@ fn device_lost_before_the_first_frame() {
     let gpu = Gpu::headless().expect("an adapter");
     gpu.device.destroy();
     let mut offscreen = Offscreen::new(&gpu);
+    let (scene, camera, loaded) = frame();
     for diagnose in [false, true] {
-        offscreen.renderer.diagnose = diagnose;
-        offscreen.renderer.timing = diagnose;
-        is_lost(draw(&mut offscreen, SIZE), "destroyed");
+        let input = FrameInput::new(&scene, &camera, &loaded.splats, SIZE);
+        let input = FrameInput { diagnose, timing: diagnose, ..input };
+        is_lost(offscreen.draw(input).map(|drawn| drawn.picture), "destroyed");
         is_lost(offscreen.images(&[Aov::Depth, Aov::Radiance]), "destroyed");
     }
     is_lost(gpu.check(), "destroyed");
@@ -135,9 +138,8 @@ fn device_lost_before_the_picture_is_read() {
     let (scene, camera, loaded) = frame();
     let mut renderer = Renderer::new(&gpu);
     let picture = Picture::new(&gpu, SIZE).expect("the size is allowed");
-    let drawn =
-        renderer.render(&scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, SIZE);
-    drawn.expect("it is drawn");
+    let input = FrameInput::new(&scene, &camera, &loaded.splats, SIZE);
+    renderer.render(input, &picture).expect("it is drawn");
     gpu.device.destroy();
     is_lost(picture.read(&gpu), "destroyed");
 }
@@ -261,11 +263,11 @@ fn pictures_beyond_a_limit_are_refused() {
     for (limit, lower) in adapters {
         let (gpu, errors) = limited(lower);
         let mut offscreen = Offscreen::new(&gpu);
-        offscreen.renderer.diagnose = true;
         let mut refused = 0;
         for (width, height) in sizes {
             let size = UVec2::new(width, height);
-            let drawn = offscreen.draw(&scene, &camera, &loaded.splats, size);
+            let input = FrameInput::new(&scene, &camera, &loaded.splats, size);
+            let drawn = offscreen.draw(FrameInput { diagnose: true, ..input });
             let read = drawn.and_then(|_| offscreen.images(&Aov::ALL));
             if let Err(error) = read {
                 let text = error.to_string();
@@ -303,7 +305,7 @@ fn maps_beyond_a_limit_are_refused() {
     for (remedy, change) in changes {
         let (mut scene, camera, loaded) = frame();
         change(&mut scene);
-        match offscreen.draw(&scene, &camera, &loaded.splats, SIZE) {
+        match offscreen.draw(FrameInput::new(&scene, &camera, &loaded.splats, SIZE)) {
             Ok(_) => assert_eq!(remedy, "", "it is not refused"),
             Err(error) => {
                 assert!(!remedy.is_empty() && error.to_string().contains(remedy), "{error}");
@@ -330,7 +332,8 @@ fn particles_are_drawn_in_parts_that_fit() {
             splashes: vec![one; count / 2],
             ..loaded.splats
         };
-        offscreen.draw(&scene, &camera, &splats, UVec2::new(32, 24)).expect("it is drawn");
+        let input = FrameInput::new(&scene, &camera, &splats, UVec2::new(32, 24));
+        offscreen.draw(input).expect("it is drawn");
         let errors = std::mem::take(&mut *errors.lock().expect("no panic holds this lock"));
         assert_eq!(errors, [""; 0], "{count} particles");
     }
@@ -352,8 +355,8 @@ fn memory_per_pixel_is_as_documented() {
         let allocated = |size: UVec2| {
             let gpu = Gpu::headless().expect("an adapter");
             let mut offscreen = Offscreen::new(&gpu);
-            offscreen.renderer.diagnose = diagnose;
-            offscreen.draw(&scene, &camera, &splats, size).expect("it is drawn");
+            let input = FrameInput::new(&scene, &camera, &splats, size);
+            offscreen.draw(FrameInput { diagnose, ..input }).expect("it is drawn");
             gpu.check().expect("the device is there");
             Some(gpu.device.generate_allocator_report()?.total_allocated_bytes as f64)
         };
@@ -377,7 +380,8 @@ fn further_lights_share_their_textures() {
         scene.lights = vec![light; suns];
         let gpu = Gpu::headless().expect("an adapter");
         let mut offscreen = Offscreen::new(&gpu);
-        offscreen.draw(&scene, &camera, &loaded.splats, SIZE).expect("it is drawn");
+        let input = FrameInput::new(&scene, &camera, &loaded.splats, SIZE);
+        offscreen.draw(input).expect("it is drawn");
         gpu.check().expect("the device is there");
         Some(gpu.device.generate_allocator_report()?.total_allocated_bytes as f64)
     };
@@ -434,9 +438,8 @@ fn divided_frames_are_identical() {
         let scene = Scene { settings, ..scene.clone() };
         let [whole, divided] = renderers.each_mut().map(|renderer| {
             let picture = Picture::new(&gpu, size).expect("a picture");
-            let (target, format) = (picture.view(), Picture::FORMAT);
-            let drawn = renderer.render(&scene, &camera, &loaded.splats, &target, format, size);
-            drawn.expect("the frame is drawn");
+            let input = FrameInput::new(&scene, &camera, &loaded.splats, size);
+            renderer.render(input, &picture).expect("the frame is drawn");
             let map = renderer.images().caustics.remove(0).expect("a map");
             let (light, _) = map.read(&gpu).expect("the map is read");
             let bits: Vec<_> = light.iter().map(|texel| texel.map(f32::to_bits)).collect();

@@ -9,7 +9,7 @@
 //! its own linear colour and depth. limpid draws the liquid around and in front of them:
 //!
 //! 1. the program opens its device and draws its world;
-//! 2. [`Gpu::from_device`] wraps the device for limpid, [`Renderer::host`] takes colour and depth;
+//! 2. [`Gpu::from_device`] wraps the device for limpid, [`Host`] has the program's colour and depth;
 //! 3. [`Renderer::prepare`] uploads, [`Renderer::record`] records into the program's encoder,
 //!    [`Renderer::composite`] adds the liquid to the program's colour: limpid submits and waits for nothing;
 //! 4. the program goes on with its frame: here it tone-maps its colour and saves `embed.png`.
@@ -18,6 +18,7 @@
 
 use limpid::camera::View;
 use limpid::environment::Environment;
+use limpid::frame::FrameInput;
 use limpid::glam::dcamera::rh::proj::directx::perspective_infinite_reverse;
 use limpid::glam::dcamera::rh::view::look_at_mat4;
 use limpid::glam::{DMat4, DVec3, UVec2, Vec3};
@@ -67,8 +68,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let gpu = Gpu::from_device(device.clone(), queue.clone());
     // Once per program, since it compiles the passes.
     let mut renderer = Renderer::new(&gpu);
-    renderer.host =
-        Some(Host { color: color.clone(), depth: depth.clone(), normals: None, clip_from_view });
+    let host = Host { color: color.clone(), depth: depth.clone(), normals: None, clip_from_view };
     // What rays see that leave the picture: the program's sky, and solids that limpid is told of. A coarse
     // world is enough; here there is none.
     let mut scene = project.scene;
@@ -80,7 +80,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // ---- 3. One frame, within the program's. A loop repeats this part; the renderer keeps its memory.
 
     let view = View::from_matrices(view_from_world, clip_from_view)?;
-    let frame = renderer.prepare(&scene, view, &loaded.splats, SIZE)?;
+    let input = FrameInput::new(&scene, view, &loaded.splats, SIZE);
+    let frame = renderer.prepare(FrameInput { host: Some(&host), ..input })?;
     renderer.record(frame, &mut encoder);
     renderer.composite(&mut encoder, &color, HDR);
 

@@ -4,6 +4,7 @@
 //! loads them ahead of playback, and [`output`] and [`film::Film`] write pictures and films.
 //!
 //! ```no_run
+//! use limpid::frame::FrameInput;
 //! use limpid::offscreen::Offscreen;
 //! use limpid_io::{device, output, open::Request};
 //!
@@ -15,7 +16,8 @@
 //! let camera = project.camera_for(loaded.bulk.bounds);
 //! let mut offscreen = Offscreen::new(&device::open()?);
 //! let size = limpid::glam::UVec2::new(1024, 768);
-//! let drawn = offscreen.draw(&loaded.scene(&project.scene), &camera, &loaded.splats, size)?;
+//! let scene = loaded.scene(&project.scene);
+//! let drawn = offscreen.draw(FrameInput::new(&scene, &camera, &loaded.splats, size))?;
 //! output::write_png("water.png".as_ref(), &drawn.picture)?;
 //! # Ok(())
 //! # }

@@ -6,6 +6,7 @@ mod frames;
 
 use frames::{Harness, glowing, harness, on_axis, scene, sphere, splats};
 use glam::{DVec3, UVec2, Vec3};
+use limpid::frame::FrameInput;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::scene::{Scene, Shape};
@@ -107,7 +108,6 @@ fn fluids_one_behind_the_other() {
 #[test]
 fn fluids_of_equal_colour_need_no_mixture_pass() {
     let Some(mut harness) = harness() else { return };
-    harness.renderer.timing = true;
     let camera = on_axis(6.0, 30.0);
     let two = splats(
         &[of_fluid(sphere(Vec3::X, 0.5), 0), of_fluid(sphere(Vec3::NEG_X, 0.5), 1)],
@@ -123,14 +123,12 @@ fn fluids_of_equal_colour_need_no_mixture_pass() {
     for (absorptions, expected) in [([CLARET, CLARET], false), ([CLARET, INK], true)] {
         let Harness { gpu, renderer } = &mut *harness;
         let target = limpid::offscreen::Picture::new(gpu, SIZE).unwrap();
-        let format = limpid::offscreen::Picture::FORMAT;
-        let passes = renderer
-            .render(&fluids(&absorptions), &camera, &two, &target.view(), format, SIZE)
-            .unwrap();
+        let scene = fluids(&absorptions);
+        let input = FrameInput { timing: true, ..FrameInput::new(&scene, &camera, &two, SIZE) };
+        let passes = renderer.render(input, &target).unwrap();
         let mixes = passes.iter().any(|pass| pass.name == "mixture");
         assert_eq!(mixes, expected && !passes.is_empty());
     }
-    harness.renderer.timing = false;
 }
 
 /// Caustics of light through a fluid have the fluid's colour.

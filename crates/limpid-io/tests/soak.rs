@@ -15,6 +15,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::{DVec3, UVec2};
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::liquid::classify;
@@ -108,8 +109,9 @@ fn kind(i: usize) -> Kind {
 impl Kind {
     fn draw(&self, offscreen: &mut Offscreen) -> image::RgbImage {
         let splats = classify::classify(&self.particles, 0.04, &self.scene.settings.classify);
-        offscreen.renderer.diagnose = self.diagnose;
-        offscreen.draw(&self.scene, &self.camera, &splats, self.size).expect("a frame").picture
+        let input = FrameInput::new(&self.scene, &self.camera, &splats, self.size);
+        let input = FrameInput { diagnose: self.diagnose, ..input };
+        offscreen.draw(input).expect("a frame").picture
     }
 }
 

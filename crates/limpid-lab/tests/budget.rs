@@ -13,6 +13,7 @@ use frames::{
 };
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::light_view::LightView;
 use limpid::liquid::classify::{Splat, Splats};
@@ -102,7 +103,7 @@ fn coverage_matches_rendered_pixels() {
     let many = splats(&ellipsoids(40), &ellipsoids(5), 0.1);
     let camera = on_axis(4.0, 40.0);
     let counts = eye_counts(&scene(), &camera, &many, SIZE);
-    let images = render(&gpu, &mut renderer, &scene(), &camera, &many, SIZE);
+    let images = render(&gpu, &mut renderer, FrameInput::new(&scene(), &camera, &many, SIZE));
     let drawn = |class: &str| {
         let depths = images.channel(&format!("depth.{class}_front"));
         depths.iter().filter(|&&depth| depth > 0.0).count() as f64
@@ -120,7 +121,7 @@ fn coverage_matches_rendered_pixels() {
     let near = splats(&beside, &[], 0.1);
     let camera = Camera { near: Some(0.5), ..on_axis(4.0, 70.0) };
     let counts = eye_counts(&scene(), &camera, &near, SIZE);
-    let images = render(&gpu, &mut renderer, &scene(), &camera, &near, SIZE);
+    let images = render(&gpu, &mut renderer, FrameInput::new(&scene(), &camera, &near, SIZE));
     let depths = images.channel("depth.aggregate_front");
     let drawn = depths.iter().filter(|&&depth| depth > 0.0).count() as f64;
     let cut = depths.iter().filter(|&&depth| depth > 0.0 && depth <= 0.50001).count() as f64;
@@ -176,7 +177,6 @@ fn every_pass_has_a_model() {
         noop::noop(&wgpu::DeviceDescriptor { required_features, ..Default::default() });
     let gpu = Gpu::from_device(device, queue);
     let mut renderer = Renderer::new(&gpu);
-    renderer.timing = true;
     let ball = |x: f32, fluid: u32| Splat { tags: fluid, ..sphere(Vec3::X * x, 0.2) };
     let splats = splats(&[ball(0.0, 0), ball(0.5, 1)], &[ball(-0.5, 0)], 0.1);
     let point = Light::Point { position: DVec3::Y * 5.0, intensity: Vec3::ONE };
@@ -193,9 +193,9 @@ fn every_pass_has_a_model() {
             scene.settings.caustics.blur = 0.1;
             let target = Picture::new(&gpu, SIZE).expect("a picture");
             let camera = on_axis(4.0, 40.0);
-            let times = renderer
-                .render(&scene, &camera, &splats, &target.view(), Picture::FORMAT, SIZE)
-                .expect("drawn");
+            let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+            let input = FrameInput { timing: true, ..input };
+            let times = renderer.render(input, &target).expect("drawn");
             names.extend(times.iter().map(|time| time.name));
             let eye = eye_counts(&scene, &camera, &splats, SIZE);
             assert_eq!(light_counts(&scene, &splats).len(), 2);

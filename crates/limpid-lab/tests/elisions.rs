@@ -6,6 +6,7 @@ mod frames;
 use frames::{gpu, noise_vector, on_axis, sphere};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splats, classify};
@@ -44,14 +45,13 @@ fn has(times: &[PassTime], name: &str) -> bool {
 fn elisions_do_not_change_pictures() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
-    renderer.reuse = true;
-    renderer.timing = true;
     let cases = cases(&tank());
     assert_eq!(cases.len(), 9);
     let mut differing = Vec::new();
     for case in &cases {
         let Case { name, left_out, .. } = case;
-        let [(elided, short), (forced, long)] = draw(&gpu, &mut renderer, case, SIZE).expect(name);
+        let [(elided, short), (forced, long)] =
+            draw(&gpu, &mut renderer, case, SIZE, true).expect(name);
         let off = elided.pixels().zip(forced.pixels()).filter(|(a, b)| a != b).count();
         println!("{name}: {off} pixels differ, {} and {} passes", short.len(), long.len());
         if off > 0 {
@@ -72,10 +72,9 @@ fn elisions_do_not_change_pictures() {
 fn differing_pictures_are_detected() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
-    renderer.reuse = true;
     let mut case = cases(&tank()).remove(2);
     case.forced.scene.liquid.absorption = Vec3::ONE;
-    let [(elided, _), (forced, _)] = draw(&gpu, &mut renderer, &case, SIZE).expect("drawn");
+    let [(elided, _), (forced, _)] = draw(&gpu, &mut renderer, &case, SIZE, false).expect("drawn");
     assert_ne!(elided, forced);
 }
 
@@ -85,7 +84,6 @@ fn differing_pictures_are_detected() {
 fn backs_exist_for_an_eye_in_liquid() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
-    renderer.reuse = true;
     let Frame { mut scene, camera, .. } = tank();
     scene.lights.clear();
     scene.settings.refract.interfaces = 1;
@@ -95,10 +93,9 @@ fn backs_exist_for_an_eye_in_liquid() {
         let eye = sphere((camera.eye + ahead).as_vec3(), 0.2);
         let splats = Splats { aggregates: vec![eye], radius: 0.1, ..Default::default() };
         let mut picture = |diagnose: bool| {
-            renderer.diagnose = diagnose;
-            renderer
-                .render(&scene, &camera, &splats, &target.view(), Picture::FORMAT, SIZE)
-                .expect("drawn");
+            let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+            let input = FrameInput { diagnose, reuse: true, ..input };
+            renderer.render(input, &target).expect("drawn");
             target.read(&gpu).expect("read")
         };
         assert!(picture(true) == picture(false), "eye {distance} m from the centre of a drop");
@@ -111,8 +108,6 @@ fn backs_exist_for_an_eye_in_liquid() {
 fn changed_inputs_rerun_their_passes() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
-    renderer.reuse = true;
-    renderer.timing = true;
     type Change = (&'static str, fn(&mut Frame), &'static [&'static str]);
     const ALL: &[&str] = &["light splat", "caustics", "splat", "smooth", "refract", "tonemap"];
     const EYE: &[&str] = &["splat", "smooth", "refract", "tonemap"];
@@ -141,8 +136,8 @@ fn changed_inputs_rerun_their_passes() {
     ];
     let target = Picture::new(&gpu, SIZE).expect("a picture");
     let render = |renderer: &mut Renderer, Frame { scene, camera, splats }: &Frame| {
-        let view = target.view();
-        let times = renderer.render(scene, camera, splats, &view, Picture::FORMAT, SIZE);
+        let input = FrameInput::new(scene, camera, splats, SIZE);
+        let times = renderer.render(FrameInput { timing: true, reuse: true, ..input }, &target);
         (times.expect("drawn"), target.read(&gpu).expect("read"))
     };
     let mut frame = tank();
@@ -167,7 +162,6 @@ fn changed_inputs_rerun_their_passes() {
 fn failed_frames_are_not_reused() {
     let Some(gpu) = limited() else { return };
     let mut renderer = Renderer::new(&gpu);
-    renderer.reuse = true;
     let frame = tank();
     let mut broken = frame.clone();
     broken.splats.aggregates.truncate(50);
@@ -175,7 +169,8 @@ fn failed_frames_are_not_reused() {
     broken.scene.settings.caustics.grid = 8192;
     let target = Picture::new(&gpu, SIZE).expect("a picture");
     let mut render = |Frame { scene, camera, splats }: &Frame| {
-        renderer.render(scene, camera, splats, &target.view(), Picture::FORMAT, SIZE)?;
+        let input = FrameInput::new(scene, camera, splats, SIZE);
+        renderer.render(FrameInput { reuse: true, ..input }, &target)?;
         target.read(&gpu)
     };
     let expected = render(&frame).expect("drawn");

@@ -14,7 +14,9 @@ use glam::UVec2;
 use glam::dcamera::rh::proj::directx::perspective_infinite_reverse;
 use hosts::host_of;
 use limpid::camera::{Projection, View};
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
+use limpid::host::Host;
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
@@ -91,9 +93,8 @@ fn mean_flip(gpu: &Gpu, renderer: &mut Renderer, input: Input, path: &Path) -> f
     let size = UVec2::from(reference.dimensions());
     let picture = Picture::new(gpu, size).unwrap();
     let camera = project.camera_for(loaded.bulk.bounds);
-    renderer
-        .render(&project.scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)
-        .unwrap();
+    let input = FrameInput::new(&project.scene, &camera, &loaded.splats, size);
+    renderer.render(input, &picture).unwrap();
     let picture = image::DynamicImage::ImageRgba8(picture.read(gpu).unwrap()).into_rgb8();
     let (result, _) = compare(&reference, &picture).unwrap();
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -168,19 +169,17 @@ fn hosts_refract_as_known_solids_do() {
         let (fov_y, aspect) = (f64::from(fov_y).to_radians(), SIZE.x as f64 / SIZE.y as f64);
         let clip_from_view = perspective_infinite_reverse(fov_y, aspect, 0.01);
         let told = &project.scene;
-        let draw = |scene: &Scene, renderer: &mut Renderer| {
+        let draw = |scene: &Scene, host: Option<&Host>, renderer: &mut Renderer| {
             let picture = Picture::new(&gpu, SIZE).unwrap();
-            let target = picture.view();
-            renderer.render(scene, view, &loaded.splats, &target, Picture::FORMAT, SIZE).unwrap();
+            let input = FrameInput::new(scene, view, &loaded.splats, SIZE);
+            renderer.render(FrameInput { host, ..input }, &picture).unwrap();
             image::DynamicImage::ImageRgba8(picture.read(&gpu).unwrap()).into_rgb8()
         };
-        let known = draw(told, &mut renderer);
+        let known = draw(told, None, &mut renderer);
         let host = host_of(&gpu, &mut renderer, told, view, SIZE, clip_from_view);
         let not_told = &Scene { solids: Vec::new(), ..told.clone() };
         let flips = [told, not_told].map(|scene| {
-            renderer.host = Some(host.clone());
-            let shown = draw(scene, &mut renderer);
-            renderer.host = None;
+            let shown = draw(scene, Some(&host), &mut renderer);
             compare(&known, &shown).unwrap().0.mean_flip
         });
         let rays = loop {

@@ -13,6 +13,7 @@ use glam::{DVec2, DVec3, UVec2, Vec3};
 use image::buffer::ConvertBuffer;
 use limpid::camera::{Camera, Lens};
 use limpid::environment::Environment;
+use limpid::frame::FrameInput;
 use limpid::liquid::classify::{Splats, add_wall_contacts, classify};
 use limpid::offscreen::Picture;
 use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
@@ -249,13 +250,13 @@ fn far_cameras_are_refused_before_a_horizon() {
     let Some(mut harness) = harness() else { return };
     let (mut scene, camera, splats) = tank(HERE);
     let Harness { gpu, renderer } = &mut *harness;
-    let frame = Picture::new(gpu, SIZE).expect("a frame").view();
+    let frame = Picture::new(gpu, SIZE).expect("a frame");
     let mut draw = |scene: &Scene, distance: f64| {
         // From a hand above the floor.
         let eye = camera.target + distance * DVec3::Z;
         let fov_y = (2.0 * (1.1 / distance).atan().to_degrees()) as f32;
         let camera = Camera { eye, fov_y, ..camera };
-        renderer.render(scene, &camera, &splats, &frame, Picture::FORMAT, SIZE)
+        renderer.render(FrameInput::new(scene, &camera, &splats, SIZE), &frame)
     };
     for fades in [false, true] {
         if fades {

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use glam::{UVec2, Vec3};
 use limpid::aov::{self, Aov, Channel, Part};
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::look::{Body, Framing};
@@ -351,12 +352,14 @@ impl Drawer {
         let interface =
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
         let motion =
-            || Motion { velocities: loaded.velocities.clone(), seconds: SHUTTER, previous: None };
-        self.offscreen.renderer.surface = aovs.iter().any(interface).then(motion);
-        self.offscreen.renderer.diagnose = !aovs.is_empty();
+            Motion { velocities: loaded.velocities.clone(), seconds: SHUTTER, previous: None };
         let drawing = {
             let scene = loaded.scene(&scene);
-            self.offscreen.begin(&scene, camera.view(), &loaded.splats, size)?
+            self.offscreen.begin(FrameInput {
+                surface: aovs.iter().any(interface).then_some(&motion),
+                diagnose: !aovs.is_empty(),
+                ..FrameInput::new(&scene, camera.view(), &loaded.splats, size)
+            })?
         };
         let images = if aovs.is_empty() { Vec::new() } else { self.offscreen.images(&aovs)? };
         let notices = self.notices(&loaded, &scene, (camera, size), described);

@@ -191,11 +191,10 @@ async fn save(offscreen: &mut Offscreen, pane: &Pane, path: &Path) -> Result<()>
 }
 
 async fn measure(offscreen: &mut Offscreen, pane: &Pane, truth: &Truth) -> Result<Point> {
-    offscreen.renderer.diagnose = false;
     // The first picture may compile pipelines, so it is not timed.
-    drawing::picture(offscreen, pane).await?;
+    drawing::picture(offscreen, pane, false).await?;
     offscreen.renderer.forget();
-    let rendered = drawing::picture(offscreen, pane).await?;
+    let rendered = drawing::picture(offscreen, pane, false).await?;
     let ms = rendered.passes.iter().map(|pass| pass.ms).sum();
     let flip = flip(&truth.picture, &rendered.picture, PIXELS_PER_DEGREE)?.mean();
     Ok(Point::new(&pane.scene.settings, ms, flip))

@@ -18,6 +18,7 @@ use crate::truth::{Point, Truth};
 use crate::views::{Legend, Values, View};
 use limpid::Error::{Defect, DeviceLost};
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::{Gpu, PassTime};
 use limpid::offscreen::{Offscreen, RenderedFrame};
 use limpid::scene::Scene;
@@ -176,10 +177,7 @@ impl<O: AsyncFnMut() -> Result<Gpu>> Drawer<O> {
                 Offscreen::new(&gpu)
             }
         };
-        let offscreen = self.offscreen.insert(offscreen);
-        offscreen.renderer.timing = true;
-        offscreen.renderer.reuse = true;
-        Ok(offscreen)
+        Ok(self.offscreen.insert(offscreen))
     }
 }
 
@@ -193,13 +191,18 @@ pub(crate) async fn caught<T>(future: impl Future<Output = T>) -> Option<T> {
     .await
 }
 
-/// Draws a picture as `limpid render` does.
+/// Draws a picture as `limpid render` does; its other images, too, if they are asked for.
 ///
 /// # Errors
 /// As [`Offscreen::finish`].
-pub async fn picture(offscreen: &mut Offscreen, pane: &Pane) -> Result<RenderedFrame> {
+pub async fn picture(
+    offscreen: &mut Offscreen,
+    pane: &Pane,
+    diagnose: bool,
+) -> Result<RenderedFrame> {
     let scene = pane.loaded.scene(&pane.scene);
-    Ok(offscreen.finish(&scene, &pane.camera, &pane.loaded.splats, pane.size).await?)
+    let input = FrameInput::new(&scene, &pane.camera, &pane.loaded.splats, pane.size);
+    Ok(offscreen.finish(FrameInput { diagnose, timing: true, reuse: true, ..input }).await?)
 }
 
 /// Draws the pictures of a request.
@@ -208,11 +211,12 @@ pub async fn picture(offscreen: &mut Offscreen, pane: &Pane) -> Result<RenderedF
 /// As [`picture`].
 pub(crate) async fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {
     let &Request { number, ref panes, level, view } = request;
-    offscreen.renderer.diagnose = view != View::Picture;
+    let diagnose = view != View::Picture;
     let mut drawn = Vec::new();
     for pane in panes {
         let begun = Instant::now();
-        let RenderedFrame { picture: rendered, passes, .. } = picture(offscreen, pane).await?;
+        let RenderedFrame { picture: rendered, passes, .. } =
+            picture(offscreen, pane, diagnose).await?;
         let (image, legend, values) = match view.aov() {
             None => {
                 let size = [rendered.width() as usize, rendered.height() as usize];
@@ -237,8 +241,7 @@ pub(crate) async fn encoded(
     path: &Path,
 ) -> Result<Vec<u8>> {
     let format = PictureFormat::of(path)?;
-    offscreen.renderer.diagnose = false;
-    let rendered = picture(offscreen, pane).await?;
+    let rendered = picture(offscreen, pane, false).await?;
     if format == PictureFormat::Exr {
         let radiance = offscreen.finish_radiance().await?;
         return exr::to_bytes(vec![radiance]).map_err(|error| Error::io(path, "write", error));

@@ -9,6 +9,7 @@ use glam::UVec2;
 use crate::Viewer;
 use crate::document::Document;
 use crate::messages::Message;
+use limpid::frame::FrameInput;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid_io::device;
@@ -128,7 +129,9 @@ fn write(script: &Script, path: &Path, mut proceed: impl FnMut(usize) -> bool) -
             Some((frame, loaded)) if frame == shot.frame => loaded,
             _ => input.load(frame_times[shot.frame], scene)?,
         };
-        let frame = offscreen.draw(&loaded.scene(scene), &shot.camera, &loaded.splats, *size)?;
+        let scene = loaded.scene(scene);
+        let input = FrameInput::new(&scene, &shot.camera, &loaded.splats, *size);
+        let frame = offscreen.draw(input)?;
         film.push(&frame.picture)?;
         last = Some((shot.frame, loaded));
         if !proceed(done) {

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use glam::UVec2;
 use image::{DynamicImage, GenericImage as _, Rgb, RgbImage};
 use limpid::camera::View;
+use limpid::frame::FrameInput;
 use limpid::liquid::Up;
 use limpid::look::{Body, Framing};
 use limpid::offscreen::Offscreen;
@@ -104,7 +105,7 @@ pub(super) fn run(mut args: Args) -> anyhow::Result<u8> {
         })
         .collect();
     sides.iter().for_each(Side::tell_whether_held);
-    let (mut offscreen, adapter) = (super::offscreen(args, &gpu, false), gpu.adapter());
+    let (mut offscreen, adapter) = (Offscreen::new(&gpu), gpu.adapter());
     for shot in &shots {
         // The unfinished film is removed.
         if let Some(code) = signals::received() {
@@ -201,7 +202,8 @@ impl Side {
         let view = (&shot.camera, sizes.picture);
         self.console.frame(&loaded, &self.scene, view, camera_up, adapter);
         let scene = loaded.scene(&self.scene);
-        let drawn = offscreen.draw(&scene, &shot.camera, &loaded.splats, sizes.picture)?;
+        let input = FrameInput::new(&scene, &shot.camera, &loaded.splats, sizes.picture);
+        let drawn = offscreen.draw(input)?;
         let mut picture = drawn.into_image();
         self.overlay.draw(&mut picture, &View::from(&shot.camera));
         let mut side = sizes.blank(sizes.side, alpha);

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use glam::UVec2;
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::PassTime;
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::{Offscreen, PendingFrame};
@@ -75,7 +76,8 @@ impl Budget {
         let mut drawn = None;
         let controller = Controller::start(ms, costs, |i| {
             scene.settings = rungs[i].settings.clone();
-            let mut time = || calibration::frame_ms(offscreen, &scene, camera, splats, size);
+            let input = FrameInput::new(&scene, camera, splats, size);
+            let mut time = || calibration::frame_ms(offscreen, input);
             if drawn.replace(i) != Some(i) {
                 time()?;
             }
@@ -124,23 +126,21 @@ impl Budget {
         self.rungs[rung].fingerprints.get_or_insert_with(|| others.drawn_in(scene, size))
     }
 
-    /// Begins drawing a picture in `scene`, which has its settings, and takes its time.
+    /// Begins drawing a picture, whose scene has its settings, and takes its time.
     pub(super) fn draw(
         &mut self,
         offscreen: &mut Offscreen,
-        scene: &Scene,
-        splats: &Splats,
-        (camera, size): (&Camera, UVec2),
+        input: FrameInput<'_>,
     ) -> Result<PendingFrame> {
         let rung = self.rung();
-        let drawn = (rung, !splats.splashes.is_empty());
+        let drawn = (rung, !input.splats.splashes.is_empty());
         if self.drawn.replace(drawn) != Some(drawn) {
             // Not shown: compiling is no time of the picture's.
-            offscreen.draw(scene, camera, splats, size)?;
+            offscreen.draw(input)?;
             offscreen.renderer.forget();
         }
         let begun = Instant::now();
-        let frame = offscreen.begin(scene, camera, splats, size)?;
+        let frame = offscreen.begin(input)?;
         let ms = match frame.passes() {
             // The adapter has no timestamps. A lost device is found when the picture is read.
             [] => {

@@ -119,7 +119,7 @@ fn start(
     let at = frame_times[shots[0].frame];
     // On the CPU: the classifier is not ready yet, and the choice does not depend on the processor.
     let loaded = input.clone().processed_by(Processor::Cpu).load(at, scene)?;
-    let mut offscreen = super::offscreen(args, gpu, frame_times.len() == 1);
+    let mut offscreen = Offscreen::new(gpu);
     let first = loaded.scene(scene).into_owned();
     let view = (&shots[0].camera, args.size);
     let budget = Budget::start(budget, costs, sets, &mut offscreen, first, &loaded.splats, view)?;

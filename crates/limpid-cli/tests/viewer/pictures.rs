@@ -4,6 +4,7 @@
 use std::sync::{Arc, mpsc};
 
 use glam::UVec2;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
@@ -59,7 +60,8 @@ fn draw_thread_and_offscreen_draw_the_same_bits() {
         let size = UVec2::new(160, 120);
         let shown = loaded.scene(&scene);
         assert_ne!(*shown, scene, "the ball has moved");
-        let expected = offscreen.draw(&shown, &camera, &loaded.splats, size).expect("it draws");
+        let input = FrameInput::new(&shown, &camera, &loaded.splats, size);
+        let expected = offscreen.draw(input).expect("it draws");
         let pane = Pane { scene: scene.into(), camera, loaded, size };
         let request =
             Request { number, panes: vec![pane], level: Level::Full, view: View::Picture };

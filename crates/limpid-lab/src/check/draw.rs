@@ -7,9 +7,12 @@ use image::RgbImage;
 use tempfile::TempDir;
 
 use super::suite::{Bake, Content, Entry};
+use limpid::aov::Aov;
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::look::Framing;
+use limpid::motion::Motion;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid_io::bake;
@@ -136,14 +139,21 @@ impl<'a> OpenedEntry<'a> {
         self.input.load(frame_time, &self.scene)
     }
 
-    /// Renders one frame.
-    pub(super) fn draw(&self, offscreen: &mut Offscreen, loaded: &Loaded) -> Result<RgbImage> {
-        let shot = offscreen.draw(
-            &loaded.scene(&self.scene),
-            &self.camera,
-            &loaded.splats,
-            self.entry.size,
-        )?;
+    /// Renders one frame, with its other images if they are chosen.
+    pub(super) fn draw(
+        &self,
+        offscreen: &mut Offscreen,
+        loaded: &Loaded,
+        chosen: &[Aov],
+    ) -> Result<RgbImage> {
+        let scene = loaded.scene(&self.scene);
+        let motion = Motion::default();
+        let composed = chosen.iter().any(|aov| aov.is_for_compositing());
+        let shot = offscreen.draw(FrameInput {
+            diagnose: !chosen.is_empty(),
+            surface: composed.then_some(&motion),
+            ..FrameInput::new(&scene, &self.camera, &loaded.splats, self.entry.size)
+        })?;
         Ok(shot.picture)
     }
 }

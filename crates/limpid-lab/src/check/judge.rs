@@ -12,7 +12,6 @@ use super::suite::{AovTolerance, Content, Entry, Suite, Tolerance};
 use super::{Adapter, Measure, Outcome, images};
 use crate::compare::{self, FlipMap, load_picture};
 use limpid::aov::Aov;
-use limpid::motion::Motion;
 use limpid::offscreen::Offscreen;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::FrameTime;
@@ -152,14 +151,12 @@ fn frame(
     aovs: (&BTreeMap<Aov, AovTolerance>, &Path),
 ) -> Result<()> {
     let loaded = source.load(frame_time)?;
-    offscreen.renderer.diagnose = !aovs.0.is_empty();
     if aovs.0.contains_key(&Aov::Motion) {
         let problem = "motion is not checked, since it belongs to two pictures; leave it out";
         return Err(Error::Usage(problem.into()));
     }
-    let composed = aovs.0.keys().any(|aov| aov.is_for_compositing());
-    offscreen.renderer.surface = composed.then(Motion::default);
-    let actual = source.draw(offscreen, &loaded)?;
+    let chosen: Vec<Aov> = aovs.0.keys().copied().collect();
+    let actual = source.draw(offscreen, &loaded, &chosen)?;
     let compared = Compared::new(expected, &actual, tolerance);
     if !compared.passes() {
         let exhibit = compared.exhibit(&outcome.name, "the picture", &actual);
@@ -174,7 +171,6 @@ fn frame(
     if aovs.0.is_empty() {
         return Ok(());
     }
-    let chosen: Vec<Aov> = aovs.0.keys().copied().collect();
     images::judge(outcome, offscreen.images(&chosen)?, aovs, loaded.splats.radius)
 }
 
@@ -191,15 +187,13 @@ fn sequence(
         let problem = format!("{} frame; a [[sequence]] has 2 or more", frame_times.len());
         return Err(Error::Usage(problem));
     }
-    offscreen.renderer.diagnose = false;
-    offscreen.renderer.surface = None;
     let mut worst: Vec<Measure> = Vec::new();
     let (mut differ, mut missing) = (Vec::new(), Vec::new());
     let mut shown: Vec<(f64, Exhibit)> = Vec::new();
     let mut all = Vec::new();
     let mut changes = Changes::default();
     for &(number, frame_time) in frame_times {
-        let actual = source.draw(offscreen, &source.load(frame_time)?)?;
+        let actual = source.draw(offscreen, &source.load(frame_time)?, &[])?;
         let path = names.path(number);
         let compared = Compared::new(&path, &actual, tolerance);
         all.push((path.clone(), png(&actual)));

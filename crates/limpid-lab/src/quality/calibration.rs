@@ -7,9 +7,8 @@ use std::time::Instant;
 
 use glam::UVec2;
 
-use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
-use limpid::liquid::classify::Splats;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid::settings::Settings;
@@ -50,11 +49,13 @@ pub fn measure(gpu: &Gpu, list: List, choices: &[Choice], size: UVec2) -> Result
         })
         .collect::<Result<_>>()?;
     let mut offscreen = Offscreen::new(gpu);
-    offscreen.renderer.timing = true;
     for scene in &scenes {
-        offscreen.draw(scene, &camera, &loaded.splats, size.min(COMPILING_SIZE))?;
+        let size = size.min(COMPILING_SIZE);
+        offscreen.draw(FrameInput::new(scene, &camera, &loaded.splats, size))?;
     }
-    let mut time = |i: usize| frame_ms(&mut offscreen, &scenes[i], &camera, &loaded.splats, size);
+    let mut time = |i: usize| {
+        frame_ms(&mut offscreen, FrameInput::new(&scenes[i], &camera, &loaded.splats, size))
+    };
     let mut ratios = vec![Vec::new(); choices.len()];
     let mut remaining: Vec<usize> = (1..choices.len()).collect();
     for _ in 0..ROUNDS {
@@ -83,20 +84,13 @@ pub fn dominated(list: List, choices: &[Choice], costs: &[f64], i: usize) -> boo
 }
 
 /// Draws a whole frame and returns its device time, ms: of all passes, or wall-clock time where the adapter
-/// has no timestamps. The renderer's `timing` must be set.
+/// has no timestamps.
 ///
 /// # Errors
 /// As [`Renderer::render`](limpid::renderer::Renderer::render).
-pub fn frame_ms(
-    offscreen: &mut Offscreen,
-    scene: &Scene,
-    camera: &Camera,
-    splats: &Splats,
-    size: UVec2,
-) -> Result<f64> {
-    offscreen.renderer.forget();
+pub fn frame_ms(offscreen: &mut Offscreen, input: FrameInput<'_>) -> Result<f64> {
     let begun = Instant::now();
-    let frame = offscreen.draw(scene, camera, splats, size)?;
+    let frame = offscreen.draw(FrameInput { timing: true, reuse: false, ..input })?;
     Ok(match &*frame.passes {
         [] => 1e3 * begun.elapsed().as_secs_f64(),
         passes => passes.iter().map(|pass| pass.ms).sum(),

@@ -11,6 +11,7 @@ use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::quality::{Choice, Curve};
 use crate::reference::layers::View;
 use crate::reference::trace::{MAX_DEPTH, trace_lit};
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::Picture;
@@ -201,15 +202,13 @@ fn pictures(
         })
         .collect::<Result<_>>()?;
     let target = Picture::new(gpu, size)?;
-    renderer.timing = true;
     let mut flips = Vec::new();
     let mut times = vec![Vec::new(); list.len()];
     // The first round may compile pipelines: its pictures are compared, its times are not used.
     for repeat in 0..=repeats {
         for ((scene, splats), times) in frames.iter().zip(&mut times) {
-            renderer.forget();
-            let view = target.view();
-            let passes = renderer.render(scene, &camera, splats, &view, Picture::FORMAT, size)?;
+            let input = FrameInput::new(scene, &camera, splats, size);
+            let passes = renderer.render(FrameInput { timing: true, ..input }, &target)?;
             if repeat == 0 {
                 let picture = image::DynamicImage::ImageRgba8(target.read(gpu)?).into_rgb8();
                 flips.push(flip(truth, &picture, PIXELS_PER_DEGREE)?.mean());

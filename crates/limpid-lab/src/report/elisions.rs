@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::rows::median;
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::offscreen::Picture;
@@ -180,8 +181,7 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
     cases
 }
 
-/// Renders both frames of a case, the elided one first: their pictures, and their pass times if the
-/// renderer measures them.
+/// Renders both frames of a case, the elided one first: their pictures, and their pass times if they are asked for.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -190,24 +190,20 @@ pub fn draw(
     renderer: &mut Renderer,
     case: &Case,
     size: UVec2,
+    timing: bool,
 ) -> Result<[(RgbaImage, Vec<PassTime>); 2]> {
     let target = Picture::new(gpu, size)?;
-    renderer.reuse = true;
     let mut render_sequence = |before: Option<&Frame>, frame: &Frame| -> Result<_> {
         renderer.forget();
         let mut passes = Vec::new();
         for Frame { scene, camera, splats } in before.into_iter().chain([frame]) {
-            let view = target.view();
-            passes = renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
+            let input = FrameInput::new(scene, camera, splats, size);
+            let input = FrameInput { timing, reuse: true, ..input };
+            passes = renderer.render(input, &target)?;
         }
         Ok((target.read(gpu)?, passes))
     };
-    let pair = [
-        render_sequence(case.before.as_ref(), &case.elided)?,
-        render_sequence(None, &case.forced)?,
-    ];
-    renderer.reuse = false;
-    Ok(pair)
+    Ok([render_sequence(case.before.as_ref(), &case.elided)?, render_sequence(None, &case.forced)?])
 }
 
 /// Measures every elision of a frame, interleaving both pictures.
@@ -221,14 +217,15 @@ pub fn measure(
     size: UVec2,
     repeats: usize,
 ) -> Result<Vec<Elision>> {
-    renderer.timing = true;
     let mut rows = Vec::new();
     for case in cases(frame) {
         // The first frames may compile pipelines; they are not timed.
-        let [(elided, _), (forced, _)] = draw(gpu, renderer, &case, size)?;
+        let [(elided, _), (forced, _)] = draw(gpu, renderer, &case, size, true)?;
         let mut times = [Vec::new(), Vec::new()];
         for _ in 0..repeats {
-            for (times, (_, passes)) in times.iter_mut().zip(draw(gpu, renderer, &case, size)?) {
+            for (times, (_, passes)) in
+                times.iter_mut().zip(draw(gpu, renderer, &case, size, true)?)
+            {
                 if !passes.is_empty() {
                     times.push(passes.iter().map(|pass| pass.ms).sum::<f64>());
                 }

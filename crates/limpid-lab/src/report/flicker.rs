@@ -12,6 +12,7 @@ use super::subjects::{Subject, size};
 use crate::reference::Liquid;
 use crate::reference::trace::{MAX_DEPTH, trace};
 use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::renderer::Renderer;
 use limpid::settings::{Layers, Refract, Settings};
@@ -56,8 +57,10 @@ pub fn measure(
     let mut rows = Vec::new();
     for (text, settings) in methods() {
         let (scene, loaded) = subject.with(&settings)?;
-        let mut picture =
-            |camera| draw(gpu, renderer, &scene, camera, &loaded.splats, size, 0).map(|p| p.0);
+        let mut picture = |camera| {
+            draw(gpu, renderer, FrameInput::new(&scene, camera, &loaded.splats, size), 0)
+                .map(|p| p.0)
+        };
         let pictures: Vec<_> = cameras.iter().map(&mut picture).collect::<Result<_>>()?;
         rows.push(row(subject, text, &pictures, &truths, ErrorKind::ChangeInOrbit));
     }
@@ -70,7 +73,9 @@ pub fn measure(
         let mut pictures = Vec::new();
         for (particles, _) in &moved {
             let (scene, loaded) = subject.prepared(particles, &settings)?;
-            pictures.push(draw(gpu, renderer, &scene, &camera, &loaded.splats, size, 0)?.0);
+            pictures.push(
+                draw(gpu, renderer, FrameInput::new(&scene, &camera, &loaded.splats, size), 0)?.0,
+            );
         }
         rows.push(row(subject, text, &pictures, &truths, ErrorKind::ChangeInPlay));
     }

@@ -13,6 +13,7 @@ use super::rows::{ErrorKind, Figure, Orders, Row, RowKind};
 use super::subjects::{Subject, size};
 use crate::reference::layers::View;
 use limpid::camera::{Camera, CameraUniform};
+use limpid::frame::FrameInput;
 use limpid::gpu::{self, Gpu, Timer};
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::Picture;
@@ -444,9 +445,8 @@ impl ViewLayers {
         size: UVec2,
     ) -> Result<Self> {
         let target = Picture::new(gpu, size)?;
-        renderer.diagnose = true;
-        renderer.render(scene, camera, splats, &target.view(), Picture::FORMAT, size)?;
-        renderer.diagnose = false;
+        let input = FrameInput::new(scene, camera, splats, size);
+        renderer.render(FrameInput { diagnose: true, ..input }, &target)?;
         let images = renderer.images();
         let solids = images.gbuffer.as_ref().map(|gbuffer| &gbuffer.planes);
         Self::read(gpu, &images.smoothed, images.splash.as_ref(), solids)

@@ -15,6 +15,7 @@ use super::rates::Rates;
 use super::rows::median;
 use super::subjects;
 use limpid::camera::{Camera, CameraUniform};
+use limpid::frame::FrameInput;
 use limpid::gpu::TILE;
 use limpid::gpu::{self, Gpu};
 use limpid::lights;
@@ -493,9 +494,8 @@ pub fn measure_frame(
     let mut eye = eye_counts(scene, camera, splats, size);
     // Rendered once to count: interfaces and evaluations are only known after tracing.
     let target = Picture::new(gpu, size)?;
-    renderer.diagnose = true;
-    renderer.render(scene, camera, splats, &target.view(), Picture::FORMAT, size)?;
-    renderer.diagnose = false;
+    let input = FrameInput::new(scene, camera, splats, size);
+    renderer.render(FrameInput { diagnose: true, ..input }, &target)?;
     if let Some(diagnostics) = renderer.images().diagnostics {
         let texels = gpu::read_texture(gpu, &diagnostics, 0)?;
         let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);
@@ -504,7 +504,7 @@ pub fn measure_frame(
         (eye.interfaces, eye.evaluations) = (samples * sum(0), samples * sum(2));
     }
     let lights = light_counts(scene, splats);
-    let (_, times) = picture::draw(gpu, renderer, scene, camera, splats, size, repeats)?;
+    let (_, times) = picture::draw(gpu, renderer, input, repeats)?;
     let Some(first) = times.first() else { return Ok(Vec::new()) };
     let row = |pass: &str, (bytes, operations): (f64, f64), ms: Option<f64>| Budget {
         scene: name.into(),

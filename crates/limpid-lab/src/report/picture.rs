@@ -1,7 +1,6 @@
 //! Measurement of whole frames: presets and single changes to the defaults, against path-traced
 //! pictures.
 
-use glam::UVec2;
 use image::RgbImage;
 
 use super::caustics;
@@ -9,12 +8,10 @@ use super::rows::{ErrorKind, Figure, Row, RowKind};
 use super::subjects::{Subject, size};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::reference::trace::{MAX_DEPTH, intervals, trace_lit};
-use limpid::camera::Camera;
+use limpid::frame::FrameInput;
 use limpid::gpu::{Gpu, PassTime};
-use limpid::liquid::classify::Splats;
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
-use limpid::scene::Scene;
 use limpid::settings::{Filter, Layers, Method, Preset, Refract, Settings, Solver};
 use limpid_io::error::Result;
 
@@ -79,23 +76,15 @@ fn methods(variants: bool, lit: bool) -> Vec<(String, String, Settings)> {
 pub fn draw(
     gpu: &Gpu,
     renderer: &mut Renderer,
-    scene: &Scene,
-    camera: &Camera,
-    splats: &Splats,
-    size: UVec2,
+    input: FrameInput<'_>,
     repeats: usize,
 ) -> Result<(RgbImage, Vec<Vec<PassTime>>)> {
-    let picture = Picture::new(gpu, size)?;
-    let view = picture.view();
-    renderer.timing = true;
+    let picture = Picture::new(gpu, input.size)?;
+    let input = FrameInput { timing: true, reuse: false, ..input };
     // The first run compiles pipelines; it is not timed.
-    renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
-    let times = (0..repeats)
-        .map(|_| {
-            renderer.forget();
-            renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)
-        })
-        .collect::<limpid::Result<_>>()?;
+    renderer.render(input, &picture)?;
+    let times = (0..repeats).map(|_| renderer.render(input, &picture));
+    let times = times.collect::<limpid::Result<_>>()?;
     let rgb = image::DynamicImage::ImageRgba8(picture.read(gpu)?).into_rgb8();
     Ok((rgb, times))
 }
@@ -123,8 +112,12 @@ pub fn measure(
     let mut panels = vec![("truth".to_owned(), truth.clone())];
     for (method, settings_text, settings) in methods(effort.variants, subject.scene.is_lit()) {
         let (scene, loaded) = subject.with(&settings)?;
-        let (picture, times) =
-            draw(gpu, renderer, &scene, &camera, &loaded.splats, size, effort.repeats)?;
+        let (picture, times) = draw(
+            gpu,
+            renderer,
+            FrameInput::new(&scene, &camera, &loaded.splats, size),
+            effort.repeats,
+        )?;
         let map = flip(&truth, &picture, PIXELS_PER_DEGREE)?;
         let totals: Vec<f64> =
             times.iter().map(|passes| passes.iter().map(|pass| pass.ms).sum()).collect();

@@ -11,6 +11,7 @@ use crate::reference::analytic::{Drops, Ellipsoid};
 use crate::reference::trace::trace;
 use limpid::camera::Camera;
 use limpid::environment::Environment;
+use limpid::frame::FrameInput;
 use limpid::gpu::{self, Gpu};
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::offscreen::Picture;
@@ -57,7 +58,6 @@ const DROPLETS: [usize; 2] = [40, 12];
 pub fn measure(gpu: &Gpu, renderer: &mut Renderer, pictures: u32) -> Result<Vec<Stress>> {
     let size = UVec2::new(96, 72);
     let target = Picture::new(gpu, size)?;
-    renderer.timing = false;
     let mut rows = Vec::new();
     for (index, (case, name)) in CASES.into_iter().enumerate() {
         let mut errors = Vec::new();
@@ -66,7 +66,7 @@ pub fn measure(gpu: &Gpu, renderer: &mut Renderer, pictures: u32) -> Result<Vec<
             let mut state = (index as u64) << 32 | u64::from(number);
             let trial = Trial::new(case, number, &mut state);
             let (scene, camera, splats) = trial.frame();
-            renderer.render(&scene, &camera, &splats, &target.view(), Picture::FORMAT, size)?;
+            renderer.render(FrameInput::new(&scene, &camera, &splats, size), &target)?;
             let radiance = &renderer.images().radiance.texture;
             let texels = gpu::read_texture(gpu, radiance, 0)?;
             let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
+use limpid::frame::FrameInput;
 use limpid::offscreen::Picture;
 use limpid::scene::Light;
 
@@ -66,12 +67,10 @@ fn passes_of_many_lamps_are_timed() {
     let (mut scene, slab) = slab(&lamps);
     scene.settings.caustics.resolution = 48;
     let Harness { gpu, renderer } = &mut *harness;
-    renderer.timing = true;
     let camera = camera(DVec3::new(0.0, 6.0, 1.0), DVec3::ZERO, 36.0);
     let frame = Picture::new(gpu, SIZE).expect("a frame");
-    let times = renderer.render(&scene, &camera, &slab, &frame.view(), Picture::FORMAT, SIZE);
-    renderer.timing = false;
-    let times = times.expect("the frame is drawn");
+    let input = FrameInput { timing: true, ..FrameInput::new(&scene, &camera, &slab, SIZE) };
+    let times = renderer.render(input, &frame).expect("the frame is drawn");
     let count = times.iter().filter(|time| time.name == "caustics").count();
     assert!(times.is_empty() || count == 36, "{count} of six faces of six lamps");
 }

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, UVec2, Vec3, Vec3Swizzles as _};
+use limpid::frame::FrameInput;
 use limpid::light_view::LightView;
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::Picture;
@@ -227,7 +228,7 @@ fn lit_frames_are_independent() {
     let camera = camera(DVec3::new(0.5, 2.5, 5.0), DVec3::new(0.0, 0.7, 0.0), 40.0);
     let size = UVec2::new(80, 60);
     let draw = |renderer: &mut Renderer, (scene, drawn): (&Scene, &Splats)| {
-        let shot = render(&gpu, renderer, scene, &camera, drawn, size);
+        let shot = render(&gpu, renderer, FrameInput::new(scene, &camera, drawn, size));
         let maps = renderer.images().caustics;
         let maps: Vec<_> = maps.iter().flatten().map(|m| m.read(&gpu).expect("a map")).collect();
         let texels = maps.iter().flat_map(|(map, depth)| map.as_flattened().iter().chain(depth));
@@ -495,12 +496,10 @@ fn views_of_direct_light_have_no_gaps() {
     let at = "kind = \"slab\"\nmin = [-0.6, 0.0, -0.6]\nmax = [0.6, 0.6, 0.6]\ncount = 15000";
     let (scene, block) = wet(at, &[floor()], &[sun(Vec3::new(1.0, -1.0, 0.0))]);
     let Harness { gpu, renderer } = &mut *harness;
-    renderer.timing = true;
     let camera = camera(DVec3::new(0.0, 4.0, 2.0), DVec3::ZERO, 36.0);
     let frame = Picture::new(gpu, SIZE).expect("a frame");
-    let times = renderer.render(&scene, &camera, &block, &frame.view(), Picture::FORMAT, SIZE);
-    renderer.timing = false;
-    let times = times.expect("the frame is drawn");
+    let input = FrameInput { timing: true, ..FrameInput::new(&scene, &camera, &block, SIZE) };
+    let times = renderer.render(input, &frame).expect("the frame is drawn");
     let count = |name| times.iter().filter(|time| time.name == name).count();
     if !times.is_empty() {
         assert_eq!((count("light splat"), count("caustics")), (2, 2));

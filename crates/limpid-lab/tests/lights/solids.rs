@@ -4,12 +4,13 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3, Vec3};
 use limpid::environment::{Environment, Glow};
+use limpid::frame::FrameInput;
 use limpid::offscreen::Picture;
 use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid_lab::reference::Ray;
 use limpid_lab::reference::surroundings::Surroundings;
 
-use super::frames::{FrameImages, Harness, View, harness, render};
+use super::frames::{FrameImages, Harness, View, diagnosed, harness, render};
 use super::{SIZE, SKY, assert_close, camera, drop, dry, floor, lit, nothing, ray, sun};
 
 /// A box 1 m high under a sun at 45° shadows 1 m of the floor next to it; in the shadow only the
@@ -146,17 +147,18 @@ fn unlit_scenes_skip_light_passes() {
     let glowing_dark = Scene { lights: Vec::new(), ..glowing.clone() };
     let camera = camera(DVec3::new(0.0, 2.5, 5.0), DVec3::Y, 40.0);
     let mut draw = |scene: &Scene| {
-        renderer.timing = true;
-        renderer.forget();
         let frame = Picture::new(gpu, SIZE).expect("a frame");
-        let times = renderer
-            .render(scene, &camera, &drop, &frame.view(), Picture::FORMAT, SIZE)
-            .expect("the frame is drawn");
-        renderer.timing = false;
+        let input = FrameInput { timing: true, ..FrameInput::new(scene, &camera, &drop, SIZE) };
+        let times = renderer.render(input, &frame).expect("the frame is drawn");
         let names: Vec<_> = times.iter().map(|time| time.name).collect();
         let of_light = names.iter().any(|n| n.starts_with("light ") || *n == "caustics");
         let maps = renderer.images().caustics;
-        (of_light, names.is_empty(), maps, render(gpu, renderer, scene, &camera, &drop, SIZE))
+        (
+            of_light,
+            names.is_empty(),
+            maps,
+            render(gpu, renderer, diagnosed(scene, &camera, &drop, SIZE)),
+        )
     };
     let (of_light, untimed, maps, _) = draw(&lit);
     assert!(of_light || untimed);

@@ -31,6 +31,7 @@ use bevy::window::ExitCondition;
 
 use limpid::camera::View;
 use limpid::environment::Environment;
+use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::host::Host;
 use limpid::liquid::classify::Splats;
@@ -110,13 +111,14 @@ fn draw_liquid(
     let color = wgpu::TextureView::clone(target.main_texture_view());
     let depth = wgpu::TextureView::clone(&depth.attachment.texture.default_view);
     let clip_from_view = double(view.clip_from_view);
-    renderer.host = Some(Host { color: color.clone(), depth, normals: None, clip_from_view });
+    let host = Host { color: color.clone(), depth, normals: None, clip_from_view };
 
     let view_from_world = double(Mat4::from(view.world_from_view.affine().inverse()));
     let view = View::from_matrices(view_from_world, clip_from_view)?;
     let size = target.main_texture().size();
     let size = glam::UVec2::new(size.width, size.height);
-    let frame = renderer.prepare(&liquid.scene, view, &liquid.splats, size)?;
+    let input = FrameInput::new(&liquid.scene, view, &liquid.splats, size);
+    let frame = renderer.prepare(FrameInput { host: Some(&host), ..input })?;
     let encoder = context.command_encoder();
     renderer.record(frame, encoder);
     renderer.composite(encoder, &color, target.main_texture_format());

@@ -1,0 +1,80 @@
+//! What a frame is drawn from, and where its picture goes.
+
+use glam::UVec2;
+
+use crate::camera::View;
+use crate::host::Host;
+use crate::liquid::classify::Splats;
+use crate::motion::Motion;
+use crate::passes::tonemap::Picture;
+use crate::scene::Scene;
+
+/// What a frame is drawn from, and which images are drawn beside the picture.
+///
+/// [`FrameInput::new`] has what every frame needs:
+///
+/// ```
+/// # use limpid::{camera::Camera, frame::FrameInput, liquid::classify::Splats, scene::Scene};
+/// # use limpid::glam::{DVec3, UVec2};
+/// # let (scene, splats) = (Scene::default(), Splats::default());
+/// # let (camera, size) = (Camera::fit(DVec3::ZERO, DVec3::ONE), UVec2::new(640, 480));
+/// let input = FrameInput { diagnose: true, ..FrameInput::new(&scene, &camera, &splats, size) };
+/// ```
+#[derive(Debug, Clone, Copy)]
+pub struct FrameInput<'a> {
+    /// All but the liquid.
+    pub scene: &'a Scene,
+    /// What the picture shows.
+    pub view: View,
+    /// The liquid.
+    pub splats: &'a Splats,
+    /// Pixels of the picture.
+    pub size: UVec2,
+    /// What the program that uses limpid has drawn: liquid appears in it, and rays see it. The scene's solids
+    /// are then what rays find where the host's picture does not show its scene. They are not drawn.
+    pub host: Option<&'a Host>,
+    /// Draw the images of the first interface, [`Images::surface`], with motion vectors since the frame before.
+    ///
+    /// [`Images::surface`]: crate::renderer::Images::surface
+    pub surface: Option<&'a Motion>,
+    /// Draw the per-pixel counts and the G-buffer for [`Renderer::images`].
+    ///
+    /// [`Renderer::images`]: crate::renderer::Renderer::images
+    pub diagnose: bool,
+    /// Measure each pass with timestamp queries, where the device supports them.
+    pub timing: bool,
+    /// Skip the passes whose inputs are those of the last frame that was drawn so.
+    pub reuse: bool,
+}
+
+impl<'a> FrameInput<'a> {
+    /// A picture alone.
+    pub fn new(scene: &'a Scene, view: impl Into<View>, splats: &'a Splats, size: UVec2) -> Self {
+        Self {
+            scene,
+            view: view.into(),
+            splats,
+            size,
+            host: None,
+            surface: None,
+            diagnose: false,
+            timing: false,
+            reuse: false,
+        }
+    }
+}
+
+/// Where a frame's picture goes.
+#[derive(Debug, Clone, Copy)]
+pub enum Target<'a> {
+    /// A view of the frame's size. The device encodes sRGB formats, the shader all others but floats, which stay linear.
+    View(&'a wgpu::TextureView, wgpu::TextureFormat),
+    /// Memory, from which it can be read.
+    Picture(&'a Picture),
+}
+
+impl<'a> From<&'a Picture> for Target<'a> {
+    fn from(picture: &'a Picture) -> Self {
+        Self::Picture(picture)
+    }
+}
