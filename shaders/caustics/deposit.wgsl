@@ -3,6 +3,9 @@
 // A triangle carries the light of its area in the view and distributes it to texels by exact overlap
 // area: no light is lost between sample points, folds of either sign add up, and the map's total is
 // the emitted light. Sums are integers and thus independent of order.
+//
+// `deposit` has a thread for each cell of the grid. It lists the cells and triangles that cover many texels; in
+// `deposit_large` a workgroup shares the texels of each of these, so that no thread is long at work.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -18,6 +21,25 @@
 @group(1) @binding(3) var receivers: texture_2d<f32>; // planes
 // Red, green and blue of each texel, two words each, the lower first.
 @group(1) @binding(4) var<storage, read_write> light_sums: array<atomic<u32>>;
+@group(1) @binding(5) var<storage, read_write> large: Large;
+
+// Cells and triangles for `deposit_large`.
+struct Large {
+    count: atomic<u32>,
+    entries: array<u32>, // KINDS times the cell, plus its half, or PATCH
+}
+
+const KINDS: u32 = 4u;
+const PATCH: u32 = 2u;
+
+// Texels of a bounding box from which a workgroup shares them.
+const LARGE_BOX: f32 = 64.0;
+
+// Threads that share the texels of a triangle, and the place of this one among them.
+override LANES: u32 = 1u;
+var<private> lane: u32 = 0u;
+// Workgroups of `deposit_large`, over all pieces of its dispatch.
+override GROUPS: u32 = 1u;
 
 // Shortest semi-axis of a deposited triangle, pixels: spreads focused light instead of missing it, and
 // keeps areas accurate.
@@ -46,6 +68,7 @@ const SIDE: i32 = 4; // vertices along the side of a patch
 struct Patch {
     at: array<vec2f, 16>,     // pixel positions of the landing points
     passed: array<vec3f, 4>,  // light at the cell's corners; bilinear interpolation suffices
+    smooth_there: bool,       // all on one surface
 }
 
 // One thread per cell.
@@ -57,6 +80,7 @@ fn deposit(@builtin(global_invocation_id) thread: vec3u) {
     }
     let row = caustics.cells.x + 1u;
     let first = id.y * row + id.x;
+    let number = KINDS * (id.y * caustics.cells.x + id.x);
     let a = landings[first];
     let b = landings[first + 1u];
     let c = landings[first + row];
@@ -65,32 +89,72 @@ fn deposit(@builtin(global_invocation_id) thread: vec3u) {
     if all(states != vec4u(LANDED)) {
         return;
     }
-    let cell = camera.size / vec2f(caustics.cells);
     let inner = all(id > vec2u(0u)) && all(id + 2u <= caustics.cells);
-    var smooth_there = inner && caustics.subdivide > 1u && all(states == vec4u(LANDED));
-    if smooth_there {
-        var patch_of: Patch;
-        patch_of.passed = array(a.passed, b.passed, c.passed, d.passed);
-        let texel = camera_pixel_side(a.position);
-        for (var k = 0; k < SIDE * SIDE; k++) {
-            let offset = vec2i(k % SIDE, k / SIDE) - 1;
-            let there = landings[i32(first) + offset.y * i32(row) + offset.x];
-            smooth_there = smooth_there && on_one_surface(a, there, texel);
-            patch_of.at[k] = camera_pixel(there.position);
-        }
-        if smooth_there {
-            deposit_patch(&patch_of, cell);
+    if inner && caustics.subdivide > 1u && all(states == vec4u(LANDED)) {
+        var patch_of = patch_at(first);
+        if patch_of.smooth_there {
+            if is_large(patch_of.at[5], patch_of.at[6], patch_of.at[9], patch_of.at[10]) {
+                list(number + PATCH);
+            } else {
+                deposit_patch(&patch_of);
+            }
             return;
         }
     }
     // A loop: drivers inline a function where it is called, and compile it as often.
-    for (var half = 0; half < 2; half++) {
-        var corners = Corners(a, b, c, first, first + 1u, first + row);
-        if half == 1 {
-            corners = Corners(d, c, b, first + row + 1u, first + row, first + 1u);
-        }
-        deposit_triangle(corners, select(cell, -cell, half == 1));
+    for (var half = 0u; half < 2u; half++) {
+        deposit_half(first, half, number + half);
     }
+}
+
+@compute @workgroup_size(LANES)
+fn deposit_large(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) index: u32) {
+    lane = index;
+    let count = atomicLoad(&large.count);
+    for (var i = caustics.first.x / 8u + group.x; i < count; i += GROUPS) {
+        let number = large.entries[i];
+        let cell = number / KINDS;
+        let first = cell / caustics.cells.x * (caustics.cells.x + 1u) + cell % caustics.cells.x;
+        if number % KINDS == PATCH {
+            var patch_of = patch_at(first);
+            deposit_patch(&patch_of);
+        } else {
+            let corners = corners_of(first, number % KINDS);
+            let light = corners_light(corners) / 3.0;
+            add_triangle(camera_pixel(corners.a.position), camera_pixel(corners.b.position), camera_pixel(corners.c.position), light);
+        }
+    }
+}
+
+fn list(number: u32) {
+    large.entries[atomicAdd(&large.count, 1u)] = number;
+}
+
+// Whether the bounding box of four points in the map has many texels. Only times depend on it.
+fn is_large(a: vec2f, b: vec2f, c: vec2f, d: vec2f) -> bool {
+    let low = max(min(min(a, b), min(c, d)), vec2f(0.0));
+    let high = min(max(max(a, b), max(c, d)), camera.size);
+    let box = max(high - low, vec2f(0.0));
+    return box.x * box.y > LARGE_BOX;
+}
+
+// The patch of a cell that is not at the border, whose first vertex this is.
+fn patch_at(first: u32) -> Patch {
+    let row = caustics.cells.x + 1u;
+    let a = landings[first];
+    let texel = camera_pixel_side(a.position);
+    var patch_of: Patch;
+    patch_of.smooth_there = true;
+    patch_of.passed = array(
+        a.passed, landings[first + 1u].passed, landings[first + row].passed, landings[first + row + 1u].passed,
+    );
+    for (var k = 0; k < SIDE * SIDE; k++) {
+        let offset = vec2i(k % SIDE, k / SIDE) - 1;
+        let there = landings[i32(first) + offset.y * i32(row) + offset.x];
+        patch_of.smooth_there = patch_of.smooth_there && on_one_surface(a, there, texel);
+        patch_of.at[k] = camera_pixel(there.position);
+    }
+    return patch_of;
 }
 
 // Weights of the Lagrange cubic through -1, 0, 1 and 2.
@@ -117,7 +181,8 @@ fn patch_point(patch_of: ptr<function, Patch>, t: vec2f) -> vec2f {
     return sum;
 }
 
-fn deposit_patch(patch_of: ptr<function, Patch>, cell: vec2f) {
+fn deposit_patch(patch_of: ptr<function, Patch>) {
+    let cell = camera.size / vec2f(caustics.cells);
     let parts = i32(caustics.subdivide);
     let step = 1.0 / f32(parts);
     let share = 0.5 * cell.x * cell.y * step * step;
@@ -150,23 +215,52 @@ struct Corners {
     vertex_c: u32,
 }
 
-fn deposit_triangle(corners: Corners, cell: vec2f) {
+fn corners_of(first: u32, half: u32) -> Corners {
+    let row = caustics.cells.x + 1u;
+    let vertices = select(
+        vec3u(first, first + 1u, first + row),
+        vec3u(first + row + 1u, first + row, first + 1u),
+        half == 1u,
+    );
+    return Corners(
+        landings[vertices.x], landings[vertices.y], landings[vertices.z], vertices.x, vertices.y, vertices.z,
+    );
+}
+
+fn lit_corners(corners: Corners) -> vec3f {
+    return vec3f(vec3u(corners.a.state, corners.b.state, corners.c.state) == vec3u(LANDED));
+}
+
+// Three times the light of a triangle: each corner contributes a third.
+fn corners_light(corners: Corners) -> vec3f {
+    let cell = camera.size / vec2f(caustics.cells);
+    let lit = lit_corners(corners);
+    let half_cell = 0.5 * cell.x * cell.y;
+    return half_cell * (lit.x * corners.a.passed + lit.y * corners.b.passed + lit.z * corners.c.passed);
+}
+
+fn deposit_half(first: u32, half: u32, number: u32) {
+    let size = camera.size / vec2f(caustics.cells);
+    let cell = select(size, -size, half == 1u);
+    let corners = corners_of(first, half);
     let a = corners.a;
     let b = corners.b;
     let c = corners.c;
-    let states = vec3u(a.state, b.state, c.state);
-    let lit = vec3f(states == vec3u(LANDED));
+    let lit = lit_corners(corners);
     if all(lit == vec3f(0.0)) {
         return;
     }
-    // Each corner contributes a third of the triangle's light.
-    let third = cell.x * cell.y / 6.0;
-    let light = third * (lit.x * a.passed + lit.y * b.passed + lit.z * c.passed);
+    let light = corners_light(corners) / 3.0;
     let texel = camera_pixel_side(a.position);
     let whole = on_one_surface(a, b, texel) && on_one_surface(b, c, texel) && on_one_surface(c, a, texel);
     if whole && all(lit == vec3f(1.0)) {
-        add_triangle(camera_pixel(a.position), camera_pixel(b.position), camera_pixel(c.position), light);
-    } else if all(states != vec3u(NO_PATH)) {
+        let at = array(camera_pixel(a.position), camera_pixel(b.position), camera_pixel(c.position));
+        if is_large(at[0], at[1], at[2], at[2]) {
+            list(number);
+        } else {
+            add_triangle(at[0], at[1], at[2], light);
+        }
+    } else if all(vec3u(a.state, b.state, c.state) != vec3u(NO_PATH)) {
         let count = lit.x + lit.y + lit.z;
         deposit_in_parts(corners, cell, light / count * 3.0);
     } else {
@@ -253,7 +347,7 @@ fn add_triangle(pa: vec2f, pb: vec2f, pc: vec2f, light: vec3f) {
     if box.x * box.y > LARGEST_BOX {
         // Too dim for exact placement to matter, but its energy must not be lost.
         let speck = light / f32(SPECKS * SPECKS);
-        for (var i = 0; i < SPECKS * SPECKS; i++) {
+        for (var i = i32(lane); i < SPECKS * SPECKS; i += i32(LANES)) {
             // Area-preserving map from a square to the triangle (Shirley and Chiu 1997).
             let s = (f32(i % SPECKS) + 0.5) / f32(SPECKS);
             let t = sqrt((f32(i / SPECKS) + 0.5) / f32(SPECKS));
@@ -264,14 +358,14 @@ fn add_triangle(pa: vec2f, pb: vec2f, pc: vec2f, light: vec3f) {
         }
         return;
     }
-    for (var y = low.y; y < high.y; y += 1.0) {
-        for (var x = low.x; x < high.x; x += 1.0) {
-            let corner = vec2f(x, y);
-            let overlap = abs(area_under(a - corner, b - corner)
-                + area_under(b - corner, c - corner) + area_under(c - corner, a - corner));
-            if overlap > 0.0 {
-                add_to_texel(vec2i(corner), overlap * density);
-            }
+    let width = u32(box.x);
+    let texels = width * u32(box.y);
+    for (var i = lane; i < texels; i += LANES) {
+        let corner = low + vec2f(vec2u(i % width, i / width));
+        let overlap = abs(area_under(a - corner, b - corner)
+            + area_under(b - corner, c - corner) + area_under(c - corner, a - corner));
+        if overlap > 0.0 {
+            add_to_texel(vec2i(corner), overlap * density);
         }
     }
 }

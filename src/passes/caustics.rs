@@ -26,7 +26,7 @@ use super::gbuffer::{SceneBinding, SceneVariant};
 use super::refract::{self, Variant};
 use super::{CameraBinding, GBufferImages, Layers};
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{self, Commands, Gpu, Piece, Span};
+use crate::gpu::{self, Commands, Gpu, Grain, Piece, Span};
 use crate::light_view::LightView;
 use crate::scene::{Light, Scene};
 use crate::settings::{self, Method, Solids, Solver};
@@ -104,6 +104,14 @@ impl Params {
     }
 }
 
+/// Workgroups that share the large cells, and the threads of each.
+fn large_groups(gpu: &Gpu) -> (u32, u32) {
+    match gpu.grain() {
+        Grain::Pixel => (2048, 64),
+        Grain::Column => (64, 8),
+    }
+}
+
 /// Cells of a grid with `grid` cells along the longer side of a view.
 pub fn cells(size: UVec2, grid: u32) -> UVec2 {
     let pitch = f64::from(size.max_element()) / f64::from(grid);
@@ -137,6 +145,7 @@ enum MethodPipelines {
         grid: wgpu::ComputePipeline,
         trace: wgpu::ComputePipeline,
         deposit: wgpu::ComputePipeline,
+        deposit_large: wgpu::ComputePipeline,
     },
     Gather {
         grid: wgpu::ComputePipeline,
@@ -173,6 +182,8 @@ struct Buffers {
     grid: wgpu::Buffer,
     landings: wgpu::Buffer,
     sums: wgpu::Buffer,
+    /// Cells and triangles of the grid that cover many texels.
+    large: wgpu::Buffer,
     gathered: wgpu::Texture,
     /// The map before the blur and after its horizontal pass; `None` without blur.
     blur: Option<[wgpu::Texture; 2]>,
@@ -249,6 +260,7 @@ impl Caustics {
                     gpu::storage_of(LANDING),
                     planes,
                     gpu::storage_read_write(LIGHT_SUMS),
+                    gpu::storage_read_write(8),
                 ],
             ),
             gather: gpu.layout(
@@ -343,15 +355,24 @@ impl Caustics {
                 Method::Forward => {
                     let trace =
                         || pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]);
-                    let deposit = || {
+                    let deposit = |entry: &str, sharing: &[(&'static str, f64)]| {
                         let groups = [&camera.layout, &layouts.deposit, &bound.layout];
-                        let constants = [&key.scene.constants()[..], &camera.constants()].concat();
+                        let constants =
+                            [&key.scene.constants()[..], &camera.constants(), sharing].concat();
                         let file = "caustics/deposit.wgsl";
-                        gpu::compute_pipeline(gpu, file, "deposit", &groups, &constants)
+                        gpu::compute_pipeline(gpu, file, entry, &groups, &constants)
                     };
-                    let (trace, (grid, deposit)) =
-                        rayon::join(trace, || rayon::join(grid, deposit));
-                    MethodPipelines::Forward { grid, trace, deposit }
+                    let (groups, lanes) = large_groups(gpu);
+                    let sharing = [("GROUPS", f64::from(groups)), ("LANES", f64::from(lanes))];
+                    let (trace, (grid, (deposit, deposit_large))) = rayon::join(trace, || {
+                        rayon::join(grid, || {
+                            rayon::join(
+                                || deposit("deposit", &[]),
+                                || deposit("deposit_large", &sharing),
+                            )
+                        })
+                    });
+                    MethodPipelines::Forward { grid, trace, deposit, deposit_large }
                 }
                 Method::Gather => {
                     let walk = || pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]);
@@ -413,6 +434,7 @@ impl Caustics {
         let unblurred = blur.as_ref().map_or(&map, |[unblurred, _]| unblurred);
 
         commands.encoder.clear_buffer(&buffers.sums, 0, None);
+        commands.encoder.clear_buffer(&buffers.large, 0, Some(4));
         let vertices = UVec2::from_array(params.cells) + 1;
         let work =
             Work::new(&scene.settings.caustics, buffers.size, params.blur, scene.solids.len());
@@ -429,7 +451,7 @@ impl Caustics {
         let mut steps = Vec::new();
         match &pipelines.tracing {
             MethodPipelines::Straight => {}
-            MethodPipelines::Forward { grid: first, trace, deposit } => {
+            MethodPipelines::Forward { grid: first, trace, deposit, deposit_large } => {
                 steps.push(start(first));
                 let resources = vec![grid.as_entire_binding(), landings.as_entire_binding()];
                 let layout = &layouts.forward;
@@ -446,8 +468,18 @@ impl Caustics {
                     landings.as_entire_binding(),
                     texture(&planes),
                     buffers.sums.as_entire_binding(),
+                    buffers.large.as_entire_binding(),
                 ];
                 let (layout, cells) = (&layouts.deposit, vertices - 1);
+                let large = Step {
+                    pipeline: deposit_large,
+                    group_index: 1,
+                    layout,
+                    resources: resources.clone(),
+                    // Of a workgroup each, whose number of threads differs.
+                    extent: UVec2::new(large_groups(gpu).0 * gpu::TILE, gpu::TILE),
+                    work: work.deposit,
+                };
                 steps.push(Step {
                     pipeline: deposit,
                     group_index: 1,
@@ -456,6 +488,7 @@ impl Caustics {
                     extent: cells,
                     work: work.deposit,
                 });
+                steps.push(large);
             }
             MethodPipelines::Gather { grid: first, walk } => {
                 steps.push(start(first));
@@ -635,6 +668,7 @@ impl Buffers {
             grid: buffer("caustic grid", vertices * VERTEX),
             landings: buffer("landings", vertices * LANDING),
             sums: buffer("light sums", u64::from(size.element_product()) * LIGHT_SUMS),
+            large: buffer("large cells", 4 + 8 * u64::from(cells.element_product())),
             gathered: image("gathered"),
             blur: blur.then(|| ["unblurred", "blurred across"].map(image)),
         }
