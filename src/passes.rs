@@ -20,6 +20,7 @@ pub mod mesh_buffers;
 pub mod mips;
 pub mod mixture;
 pub mod refract;
+pub mod scene_binding;
 pub mod smooth;
 pub mod splat;
 pub mod splat_buffers;

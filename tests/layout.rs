@@ -10,7 +10,7 @@ use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
-    Layers, bins, caustics, gaps, gbuffer, host, refract, smooth, surface, tiles, tonemap,
+    Layers, bins, caustics, gaps, host, refract, scene_binding, smooth, surface, tiles, tonemap,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -153,7 +153,7 @@ fn shared_structs_agree() {
         reach,
         pad,
     });
-    let scene = rust_struct!(gbuffer::SceneUniform {
+    let scene = rust_struct!(scene_binding::SceneUniform {
         zenith,
         pad_zenith,
         horizon,
@@ -165,7 +165,7 @@ fn shared_structs_agree() {
         glow_lobes,
         glow_radiances,
     });
-    let solid = rust_struct!(gbuffer::SolidData {
+    let solid = rust_struct!(scene_binding::SolidData {
         origin,
         shape,
         extent,
@@ -182,8 +182,8 @@ fn shared_structs_agree() {
         mesh,
         number,
     });
-    let light = rust_struct!(gbuffer::LightData { place, kind, power, straight, map, pad });
-    let light_view = rust_struct!(gbuffer::LightViewData {
+    let light = rust_struct!(scene_binding::LightData { place, kind, power, straight, map, pad });
+    let light_view = rust_struct!(scene_binding::LightViewData {
         right,
         half_width,
         up,
@@ -285,7 +285,11 @@ fn shared_constants_agree() {
         ("gbuffer.wgsl", "MAX_SOLIDS", scene::MAX_SOLIDS as u32),
         ("gbuffer.wgsl", "MAX_LIGHTS", scene::MAX_LIGHTS as u32),
         ("mixture/sums.wgsl", "MAX_FLUIDS", scene::MAX_FLUIDS as u32),
-        ("gbuffer.wgsl", "MAX_LIGHT_VIEWS", (scene::MAX_LIGHTS * gbuffer::LIGHT_VIEWS) as u32),
+        (
+            "gbuffer.wgsl",
+            "MAX_LIGHT_VIEWS",
+            (scene::MAX_LIGHTS * scene_binding::LIGHT_VIEWS) as u32,
+        ),
         ("tiles.wgsl", "TILE", gpu::TILE),
         ("splat/layers.wgsl", "FLUID", classify::Splat::BURIED - 1),
         ("bins/fill.wgsl", "THREADS", bins::THREADS),

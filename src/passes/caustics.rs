@@ -22,8 +22,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2};
 use wgpu::TextureViewDimension::D2;
 
-use super::gbuffer::{SceneBinding, SceneVariant};
 use super::refract::{self, Variant};
+use super::scene_binding::{SceneBinding, SceneVariant};
 use super::{CameraBinding, GBufferImages, Layers};
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Commands, Gpu, Grain, Piece, Span};

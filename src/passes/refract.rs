@@ -10,8 +10,8 @@ use glam::UVec2;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::bounds::Bounds;
-use super::gbuffer::{SceneBinding, SceneVariant};
 use super::mixture;
+use super::scene_binding::{SceneBinding, SceneVariant};
 use super::tiles::TileLists;
 use super::view_passes::ViewPasses;
 use super::{CameraBinding, Layers, Radiance};

@@ -9,7 +9,7 @@ use glam::{UVec2, Vec3};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::Layers;
-use super::gbuffer::SceneVariant;
+use super::scene_binding::SceneVariant;
 use super::view_passes::ViewPasses;
 use crate::camera::{CameraUniform, View};
 use crate::error::{Error, Limited, Result};

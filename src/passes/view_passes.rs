@@ -6,9 +6,10 @@ use glam::{DVec3, UVec2};
 
 use super::bins::{AGGREGATES, Bins, Listed, SPLASHES};
 use super::gaps::{self, Gaps};
-use super::gbuffer::{GBuffer, LightMaps, SceneBinding};
+use super::gbuffer::GBuffer;
 use super::mesh_buffers::MeshBuffers;
 use super::mixture::Mixture;
+use super::scene_binding::{LightMaps, SceneBinding};
 use super::smooth::{self, Smooth};
 use super::splat::{self, Splat};
 use super::splat_buffers::SplatBuffers;

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, UVec2, Vec3};
 use limpid::environment::{Environment, Glow};
-use limpid::passes::gbuffer::SceneUniform;
+use limpid::passes::scene_binding::SceneUniform;
 use limpid::wgpu;
 
 use super::support::{Kernel, Random, gpu, texture, uniform};
