@@ -312,7 +312,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 146] = [
+const LOOPS: [(&str, &str, &str, &str); 145] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -409,10 +409,9 @@ const LOOPS: [(&str, &str, &str, &str); 146] = [
     ("gaps/sides.wgsl", "draw", "for (var k = 0u; k < min(THREADS, entries.end - base); k++)", "the splats of a tile's list"),
     ("gaps/sides.wgsl", "draw", "for (var i = entries.begin; i < entries.end; i++)", "the splats of a tile's list"),
     ("gaps/sides.wgsl", "sides", "for (var gap = 0u; gap < select(0u, GAPS, drawn); gap++)", "layers.intervals, 3 at most"),
-    ("gaps/split.wgsl", "next_bin", "for (var word = start / 32u; word < WORDS; word++)", "a constant"),
-    ("gaps/split.wgsl", "splits_of", "for (var i = 0u; i < BINS / 2u && end < BINS && count < GAPS; i++)", "a constant"),
+    ("gaps/runs.wgsl", "runs_of", "for (var i = 0u; i < 6u; i++)", "a constant"),
+    ("gaps/runs.wgsl", "splits_of", "for (var i = 0u; i < GAPS; i++)", "a constant"),
     ("gaps/split.wgsl", "fill_window", "for (var i = 0u; i < WINDOW * WINDOW; i++)", "a constant"),
-    ("gaps/split.wgsl", "fill_window", "for (var word = 0u; word < WORDS; word++)", "a constant"),
     ("gaps/split.wgsl", "spread_splits", "for (var k = 0u; k < 9u && splits.x <= 0.0; k++)", "a constant"),
     ("gaps/split.wgsl", "split", "for (var of_class = 0u; of_class <= select(0u, 1u, SPLASH); of_class++)", "the classes"),
     ("gaps/split.wgsl", "split", "for (var k = 0u; k < CELLS_PER_TILE * CELLS_PER_TILE; k++)", "a constant"),

@@ -1,6 +1,7 @@
 // Chooses the gaps of each cell, and the tiles that have any.
 
 #import gaps/cells.wgsl
+#import gaps/runs.wgsl
 #import common/groups.wgsl
 
 // Division of the tiles into sections, as in tiles.wgsl.
@@ -15,7 +16,6 @@ struct Params {
 }
 
 override SPLASH: bool = false;
-override GAPS: u32 = 1u;
 
 @group(0) @binding(0) var aggregate_layers: texture_2d_array<f32>;
 @group(0) @binding(1) var splash_layers: texture_2d_array<f32>;
@@ -28,36 +28,6 @@ override GAPS: u32 = 1u;
 @group(0) @binding(7) var<storage, read_write> list: array<atomic<u32>>;
 @group(0) @binding(8) var<storage, read> sections: Sections;
 @group(0) @binding(9) var<uniform> params: Params;
-
-// The first bin from `start` on whose bit is `set`; BINS if there is none.
-fn next_bin(words: array<u32, WORDS>, start: u32, marked: bool) -> u32 {
-    var bin = start;
-    for (var word = start / 32u; word < WORDS; word++) {
-        let bits = select(~words[word], words[word], marked) & (0xffffffffu << (bin % 32u));
-        if bits != 0u {
-            return 32u * word + firstTrailingBit(bits);
-        }
-        bin = 32u * (word + 1u);
-    }
-    return BINS;
-}
-
-// Depths of the middles of a cell's first gaps; 0 where there is none.
-fn splits_of(words: array<u32, WORDS>, first: f32, last: f32) -> vec2f {
-    var splits = vec2f(0.0);
-    var count = 0u;
-    let bin_length = (last - first) / f32(BINS);
-    var end = next_bin(words, 0u, false);
-    for (var i = 0u; i < BINS / 2u && end < BINS && count < GAPS; i++) {
-        let start = next_bin(words, end, true);
-        if start < BINS && f32(start - end) * bin_length >= params.least {
-            splits[count] = first + 0.5 * f32(start + end) * bin_length;
-            count++;
-        }
-        end = next_bin(words, start, false);
-    }
-    return splits;
-}
 
 // Cells to each side of a tile whose gaps extend into it.
 const RING: u32 = 1u;
@@ -90,16 +60,14 @@ fn fill_window(splash: bool, tile: vec2u) {
             continue;
         }
         let at = (u32(cell.y) * across + u32(cell.x)) * WORDS;
-        var words: array<u32, WORDS>;
-        for (var word = 0u; word < WORDS; word++) {
-            if splash {
-                words[word] = splash_marks[at + word];
-            } else {
-                words[word] = aggregate_marks[at + word];
-            }
+        var marked: vec2u;
+        if splash {
+            marked = vec2u(splash_marks[at], splash_marks[at + 1u]);
+        } else {
+            marked = vec2u(aggregate_marks[at], aggregate_marks[at + 1u]);
         }
         let range = cell_range(splash, cell);
-        window[i] = splits_of(words, range.x, range.y);
+        window[i] = splits_of(marked, range.x, range.y, params.least);
     }
 }
 

@@ -44,6 +44,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("mixture/sums.wgsl", include_str!("../../shaders/mixture/sums.wgsl")),
     ("mixture/empty.wgsl", include_str!("../../shaders/mixture/empty.wgsl")),
     ("gaps/cells.wgsl", include_str!("../../shaders/gaps/cells.wgsl")),
+    ("gaps/runs.wgsl", include_str!("../../shaders/gaps/runs.wgsl")),
     ("gaps/mark.wgsl", include_str!("../../shaders/gaps/mark.wgsl")),
     ("gaps/sides.wgsl", include_str!("../../shaders/gaps/sides.wgsl")),
     ("gaps/split.wgsl", include_str!("../../shaders/gaps/split.wgsl")),

@@ -6,6 +6,7 @@
 
 mod camera;
 mod environment;
+mod gaps;
 mod layers;
 mod mesh_rays;
 mod meshes;
