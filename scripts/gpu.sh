@@ -1,101 +1,161 @@
 #!/usr/bin/env bash
-# Measures everything that is worth measuring on a graphics adapter, and writes one Markdown file: the goals
-# beside what was measured, then all tables.
+# Measures a graphics adapter in a few minutes, and writes one Markdown file: the goals beside what was measured, each pass
+# beside the least time that its bytes and operations take there, and the intersectors and caustics beside their errors.
 #
-#     scripts/gpu.sh [--quick] [OUT.md]
+#     scripts/gpu.sh [--quick] [--against BEFORE.md] [OUT.md]
+#     scripts/gpu.sh --tests
 #
-# `--quick` draws small pictures and few methods: a try without a GPU. OUT.md is target/gpu.md by default. The
-# adapter is the one that limpid chooses; WGPU_BACKEND and WGPU_ADAPTER_NAME choose another.
+# `--against` compares the goals with those of an earlier file. `--quick` draws small pictures: a try without a GPU.
+# `--tests` runs the tests of the renderer and the golden frames instead. OUT.md is target/gpu.md by default. The adapter
+# is the one that limpid chooses; WGPU_BACKEND and WGPU_ADAPTER_NAME choose another.
 # LIMPID_REFERENCE is the folder of the reference scenes, default ../shared/reference beside the checkout.
+# LIMPID and LIMPID_PASSES are a program and a bench `passes` that were built elsewhere, for a machine without cargo.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 quick=()
+against=
 size=1024x768
+large=1920x1080
 frames=15
-width=2000
-if [[ ${1-} == --quick ]]; then
-    shift
-    quick=(--quick)
-    size=320x240
-    frames=3
-    width=320
-fi
+width=1024
+map=1024
+tests=false
 target=${CARGO_TARGET_DIR:-target}
-out=${1:-$target/gpu.md}
+out=$target/gpu.md
+while (($#)); do
+    case $1 in
+        --quick) quick=(--quick) size=160x120 large=240x135 frames=3 width=160 map=256 ;;
+        --against) against=${2:?gpu: --against needs a file} && shift ;;
+        --tests) tests=true ;;
+        -*)
+            echo "gpu: unknown argument $1; --quick, --against FILE, --tests or a file expected" >&2
+            exit 2
+            ;;
+        *) out=$1 ;;
+    esac
+    shift
+done
+if [[ -n $against && ! -f $against ]]; then
+    echo "gpu: $against: no such file; --against takes one that this script wrote" >&2
+    exit 2
+fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 step() { printf 'gpu: %s\n' "$*" >&2; }
 
-step build
-scripts/setup.sh >&2
-cargo build --release --locked --quiet
-limpid=$target/release/limpid
-bench() { cargo bench --locked --quiet --bench passes -- "$@" frames=$frames size=$size; }
+if [[ -z ${LIMPID-} ]]; then
+    step build
+    scripts/setup.sh >&2
+    cargo build --release --locked --quiet
+fi
+limpid=${LIMPID-$target/release/limpid}
 
-step "passes of single frames"
-bench front million >"$work/passes"
-bench front refract.samples=4 >"$work/samples"
-step "frame time by the number of particles"
-bench curve >"$work/curve"
-step "intersectors, ${width} pixels wide"
-"$limpid" report --kinds intersect --scenes pool "${quick[@]}" --width $width --out "$work/intersect" >&2
-step "report"
-"$limpid" report "${quick[@]}" --out "$work/report" >&2
-step "settings by error and time"
-"$limpid" report --curve "$work/settings.toml" --out "$work/curve-report" >&2
+if $tests; then
+    export LIMPID_REQUIRE_GPU=1
+    suites=(shader_math splat bins gaps smooth refract intersectors frames hosts cameras surface)
+    cargo test --release --locked --no-fail-fast "${suites[@]/#/--test=}"
+    "$limpid" check tests/golden/limpid.toml --out "$target/gpu-golden"
+    exit
+fi
 
-# Milliseconds of a row of a Markdown table, by scene, method and the beginning of its settings.
-row() {
-    awk -F ' *[|] *' -v scene="$2" -v method="$3" -v settings="$4" \
-        '$2 == scene && $3 == method && index($4, settings) == 1 { print $5; exit }' "$1"
+bench() {
+    local sized=("$@" frames=$frames)
+    if [[ -n ${LIMPID_PASSES-} ]]; then
+        "$LIMPID_PASSES" "${sized[@]}"
+    else
+        cargo bench --locked --quiet --bench passes -- "${sized[@]}"
+    fi
 }
-# Milliseconds on the device of the row of the curve with about this many particles.
-particles() { awk -v count="$1" '$1 > 0.9 * count && $1 < 1.1 * count { print $3; exit }' "$work/curve"; }
-# A line of the table of goals: name, goal, measured, and whether the goal is met.
+
+front=${LIMPID_REFERENCE-../shared/reference}/scenes/double_dam_break_front.toml
+[[ -f $front ]] || step "without $front: its rows are missing"
+step "frames"
+bench front cascade sims/vase.toml sims/pool.toml million size=$size >"$work/frames"
+bench front refract.samples=4 size=$size >"$work/samples"
+bench front size=$large >"$work/large"
+step "each pass against its floor"
+scenes=cascade,vase,pool
+[[ ! -f $front ]] || scenes=$scenes,$front
+"$limpid" report --passes --scenes "$scenes" --width $width --out "$work/passes" -q >&2
+step "intersectors"
+"$limpid" report --kinds intersect --scenes pool,breaker,reef,demo,cascade --width $width "${quick[@]}" \
+    --out "$work/intersect" -q >&2
+step "caustics"
+"$limpid" report --kinds caustics --scenes pool "${quick[@]}" --out "$work/caustics" -q >&2
+
+# Median of a row of the bench's output, of the scene whose name begins so, ms.
+ms() {
+    awk -v scene="$2" -v row="$3" '
+        / particles$/ { here = index($0, scene) == 1 }
+        here && index($0, row) { sub(row, ""); print $1; exit }' "$work/$1"
+}
+# A column of a row of a Markdown table, by scene, method and the beginning of its settings.
+cell() {
+    awk -F ' *[|] *' -v scene="$2" -v method="$3" -v settings="$4" -v wanted="$5" '
+        $2 == "scene" { for (i = 2; i < NF; i++) if ($i == wanted) column = i }
+        column && $2 == scene && $3 == method && index($4, settings) == 1 { print $column; exit }' "$1"
+}
+# A line of the table of goals: name, the most, measured, and whether the goal is met.
 goal() {
     awk -v name="$1" -v goal="$2" -v found="${3:-none}" 'BEGIN {
         met = found == "none" ? "not measured" : found + 0 <= goal ? "yes" : "no"
         printf "| %s | %s | %s | %s |\n", name, goal, found, met
     }'
 }
+difference() { [[ -z $1 || -z $2 ]] || awk -v a="$1" -v b="$2" 'BEGIN { printf "%.2f", a - b }'; }
 
-guarded=$(row "$work/intersect/report.md" pool guarded "")
-march=$(row "$work/intersect/report.md" pool march "stride=1")
-map=1024
-[[ ${#quick[@]} == 0 ]] || map=256
-grid=$((map / 2))/2
-forward=$(row "$work/report/report.md" pool forward "map $map grid $grid")
-gather=$(row "$work/report/report.md" pool gather "map $map")
+goals() {
+    echo "| | goal, ms | measured, ms | met |"
+    echo "|---|--:|--:|---|"
+    goal "all passes, \`front\`, $size" 1.0 "$(ms frames front "all passes")"
+    goal "all passes, \`cascade\`" 3 "$(ms frames cascade "all passes")"
+    goal "all passes, \`vase\`" 3 "$(ms frames sims/vase "all passes")"
+    goal "all passes, \`pool\`" 3 "$(ms frames sims/pool "all passes")"
+    goal "all passes, a million particles" 1.6 "$(ms frames swell "all passes")"
+    goal "all passes, \`front\`, four samples" 2.5 "$(ms samples front "all passes")"
+    goal "all passes, \`front\`, $large" 2.0 "$(ms large front "all passes")"
+    goal "\`front\`, frame with read-back without its passes" 1 \
+        "$(difference "$(ms frames front frame)" "$(ms frames front "all passes")")"
+    goal "forward caustics, \`pool\`, map of $map², grid $((map / 2))/2" 0.6 \
+        "$(cell "$work/caustics/report.md" pool forward "map $map grid $((map / 2))/2" ms)"
+    goal "\`guarded\` on \`pool\`, $width pixels wide" 0.1 "$(cell "$work/intersect/report.md" pool guarded "" ms)"
+}
+# Goals of an earlier file beside those of this one.
+compared() {
+    awk -F ' *[|] *' '
+        $5 != "yes" && $5 != "no" { next }
+        FNR == NR { before[$2] = $4; next }
+        $2 in before { printf "| %s | %s | %s | %.2f |\n", $2, before[$2], $4, before[$2] > 0 ? $4 / before[$2] : 0 }
+    ' "$against" "$work/goals"
+}
+
+goals >"$work/goals"
 {
     echo "# Measured on a graphics adapter"
     echo
     "$limpid" --version --verbose | sed 's/^/- /'
     echo "- $(date -u +%Y-%m-%d), pictures of $size, medians of $frames frames"
     echo
-    echo "| | goal, ms | measured, ms | met |"
-    echo "|---|--:|--:|---|"
-    goal "all passes, 40,000 particles, $size" 0.6 "$(particles 39128)"
-    goal "all passes, 1,056,000 particles, $size" 1.5 "$(particles 1056000)"
-    goal "\`guarded\`, pool, $width pixels wide" 0.02 "$guarded"
-    goal "the same as a share of \`march\`" 0.0333 "$(awk -v a="$guarded" -v b="$march" 'BEGIN { if (b > 0) printf "%.4f", a / b }')"
-    goal "forward caustics, pool, map of $map², grid $grid" 0.3 "$forward"
-    goal "gather caustics, pool, map of $map²" 0.6 "$gather"
+    cat "$work/goals"
     echo
-    for table in passes samples curve; do
-        [[ $table != samples ]] || printf 'With `refract.samples=4`:\n\n'
+    if [[ -n $against ]]; then
+        printf '| against %s | before | now | ratio |\n|---|--:|--:|--:|\n' "$(basename "$against")"
+        compared
+        echo
+    fi
+    for table in frames samples large; do
+        case $table in
+            samples) printf 'With `refract.samples=4`:\n\n' ;;
+            large) printf 'Pictures of %s:\n\n' "$large" ;;
+        esac
         printf '```text\n%s\n```\n\n' "$(cat "$work/$table")"
     done
-    echo "## Intersectors, $width pixels wide"
-    echo
-    sed -n '/^| scene/,/^$/p' "$work/intersect/report.md"
-    echo "## Settings by error and time"
-    echo
-    printf '```toml\n%s\n```\n\n' "$(cat "$work/settings.toml")"
-    echo "## Report"
-    echo
-    cat "$work/report/report.md"
+    for report in passes intersect caustics; do
+        sed '/^Measured on/d' "$work/$report/report.md"
+        echo
+    done
 } >"$work/out.md"
 mkdir -p "$(dirname "$out")"
 mv "$work/out.md" "$out"
