@@ -52,8 +52,7 @@ in_opengl() {
         echo "no OpenGL here: not tested"
         return
     fi
-    WGPU_BACKEND=gl MESA_EXTENSION_OVERRIDE=+GL_ARB_color_buffer_float LIMPID_REQUIRE_GPU=1 \
-        cargo test --locked "${@/#/--test=}"
+    WGPU_BACKEND=gl LIMPID_REQUIRE_GPU=1 cargo test --locked "${@/#/--test=}"
 }
 
 # Whether a browser for the tests of the page is there, or can be installed, with what drives it.

@@ -107,8 +107,8 @@ pub struct CameraBinding {
 impl CameraBinding {
     pub fn new(gpu: &Gpu, orthographic: bool) -> Self {
         let buffer = gpu::uniform_buffer::<CameraUniform>(gpu, "camera");
-        let stages = wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE;
-        let layout = gpu.layout("camera", stages, &[gpu::uniform::<CameraUniform>()]);
+        let bindings = [gpu::uniform::<CameraUniform>()];
+        let layout = gpu.layout("camera", wgpu::ShaderStages::COMPUTE, &bindings);
         let group = gpu::bind_group(gpu, "camera", &layout, &[buffer.as_entire_binding()]);
         Self { buffer, layout, group, orthographic }
     }
