@@ -6,8 +6,9 @@ use crate::camera::View;
 use crate::host::Host;
 use crate::liquid::classify::Splats;
 use crate::motion::Motion;
-use crate::passes::tonemap::Picture;
 use crate::scene::Scene;
+
+pub use crate::passes::tonemap::{Picture, Target};
 
 /// What a frame is drawn from, and which images are drawn beside the picture.
 ///
@@ -61,20 +62,5 @@ impl<'a> FrameInput<'a> {
             timing: false,
             reuse: false,
         }
-    }
-}
-
-/// Where a frame's picture goes.
-#[derive(Debug, Clone, Copy)]
-pub enum Target<'a> {
-    /// A view of the frame's size. The device encodes sRGB formats, the shader all others but floats, which stay linear.
-    View(&'a wgpu::TextureView, wgpu::TextureFormat),
-    /// Memory, from which it can be read.
-    Picture(&'a Picture),
-}
-
-impl<'a> From<&'a Picture> for Target<'a> {
-    fn from(picture: &'a Picture) -> Self {
-        Self::Picture(picture)
     }
 }

@@ -8,7 +8,6 @@ use wgpu::TextureViewDimension::D2;
 
 use super::Radiance;
 use crate::error::Result;
-use crate::frame::Target;
 use crate::gpu::{self, Gpu, Span};
 use crate::settings::{self, Curve};
 
@@ -68,6 +67,21 @@ impl Picture {
     /// Submits a copy of the bytes; the next frame may be drawn into the picture at once.
     pub(crate) fn begin_reading_bytes(&self, gpu: &Gpu) -> gpu::Reading {
         gpu::begin_reading_buffer(gpu, &self.bytes)
+    }
+}
+
+/// Where a frame's picture goes.
+#[derive(Debug, Clone, Copy)]
+pub enum Target<'a> {
+    /// A view of the frame's size. The device encodes sRGB formats, the shader all others but floats, which stay linear.
+    View(&'a wgpu::TextureView, wgpu::TextureFormat),
+    /// Memory, from which it can be read.
+    Picture(&'a Picture),
+}
+
+impl<'a> From<&'a Picture> for Target<'a> {
+    fn from(picture: &'a Picture) -> Self {
+        Self::Picture(picture)
     }
 }
 
