@@ -450,6 +450,9 @@ async fn adapters(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Adapter> 
         }
         let descriptor = wgpu::InstanceDescriptor {
             backends: selected & backends,
+            // Lines for debuggers take a sixth of the start of an unoptimised program: `WGPU_DEBUG=1` asks for them.
+            flags: (wgpu::InstanceFlags::from_build_config() - wgpu::InstanceFlags::DEBUG)
+                .with_env(),
             ..wgpu::InstanceDescriptor::new_without_display_handle_from_env()
         };
         all = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;
