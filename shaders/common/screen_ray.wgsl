@@ -39,8 +39,8 @@ fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
     }
     t = clip(t, z - camera.near, -d.z);
     var end = o + t * d;
-    // From far away, t * d rounds by more than the near plane's depth.
-    end.z = select(min(end.z, -camera.near), end.z, ORTHOGRAPHIC);
+    // From far away, t * d rounds by more than the near plane's depth. Nearer by, the end stays on the ray.
+    end.z = select(min(end.z, -0.5 * camera.near), end.z, ORTHOGRAPHIC);
 
     var ray: ScreenRay;
     ray.u = camera_pixel(o);
@@ -48,8 +48,8 @@ fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
     ray.omega = camera_omega_of(o);
     ray.d_omega = vec3f(camera_omega_of(end).xy - ray.omega.xy, 0.0);
     ray.disparity = camera_disparity(o);
-    // Difference of depths first: disparities of far points cancel.
-    ray.d_disparity = select((z + end.z) / (z * -end.z), t * d.z, ORTHOGRAPHIC);
+    // From the difference of depths, t * d.z: disparities of far points cancel, and so do depths.
+    ray.d_disparity = t * d.z * select(1.0 / (z * -end.z), 1.0, ORTHOGRAPHIC);
     ray.direction = d;
     ray.tau_per_pixel = 1.0 / max(length(ray.du), 1e-6);
     return ray;
