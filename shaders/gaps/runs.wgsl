@@ -41,7 +41,7 @@ fn first_bin(bits: vec2u) -> u32 {
 fn splits_of(marked: vec2u, first: f32, last: f32, least: f32) -> vec2f {
     let bin_length = max(last - first, 0.0) / f32(BINS);
     // The fewest bins that are as long as a gap: the quotient may round either way.
-    var fewest = clamp(ceil(least / bin_length), 1.0, f32(BINS) + 1.0);
+    var fewest = clamp(ceil(least / max(bin_length, 1e-30)), 1.0, f32(BINS) + 1.0);
     fewest -= select(0.0, 1.0, fewest > 1.0 && (fewest - 1.0) * bin_length >= least);
     fewest += select(0.0, 1.0, fewest * bin_length < least);
     var splits = vec2f(0.0);
