@@ -36,7 +36,7 @@ fn bytes(@builtin(global_invocation_id) id: vec3u) {
     }
     let mapped = mapped(vec2u(id.x, id.y + tonemap.first_row));
     let rounded = vec4u(255.0 * clamp(mapped, vec4f(0.0), vec4f(1.0)) + 0.5);
-    picture[texel] = rounded.x | rounded.y << 8u | rounded.z << 16u | rounded.w << 24u;
+    picture[texel] = rounded.x | (rounded.y << 8u) | (rounded.z << 16u) | (rounded.w << 24u);
 }
 
 // Colour and coverage of a pixel.

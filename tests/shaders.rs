@@ -551,3 +551,42 @@ fn checks_find_planted_errors() {
     let problem = translate_all("planted.wgsl", &text);
     assert!(problem.as_ref().is_err_and(|e| e.contains("SWITCH\", 1.0")), "{problem:?}");
 }
+
+/// Whether a line has a shift beside a bitwise operation without parentheses between them, which browsers refuse.
+fn mixes_shifts(line: &str) -> bool {
+    let code = line.split("//").next().unwrap_or_default();
+    let code = code.replace("&&", " ").replace("||", " ");
+    // For each open parenthesis, whether there was a shift and a bitwise operation.
+    let mut levels = vec![(false, false)];
+    let mut last = ' ';
+    for c in code.chars() {
+        let top = levels.len() - 1;
+        match c {
+            '(' | '[' => levels.push((false, false)),
+            ')' | ']' if top > 0 => drop(levels.pop()),
+            ',' | ';' | '=' => levels[top] = (false, false),
+            '<' | '>' if last == c => levels[top].0 = true,
+            '|' | '&' | '^' => levels[top].1 = true,
+            _ => {}
+        }
+        if levels.contains(&(true, true)) {
+            return true;
+        }
+        last = c;
+    }
+    false
+}
+
+/// Browsers' compilers ask for parentheses around a shift beside `|`, `&` or `^`.
+#[test]
+fn shifts_stand_in_parentheses() {
+    for (name, text) in FILES {
+        for (number, line) in (1..).zip(text.lines()) {
+            assert!(!mixes_shifts(line), "{name}:{number}: {line}");
+        }
+    }
+    assert!(mixes_shifts("a = b | c << 8u;") && mixes_shifts("f((x >> 3u) + (y & 1u << k));"));
+    assert!(
+        !mixes_shifts("a = b | (c << 8u);") && !mixes_shifts("f(x & 1u, x >> 1u); // a | b << c")
+    );
+}
