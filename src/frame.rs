@@ -1,4 +1,4 @@
-//! What a frame is drawn from, and where its picture goes.
+//! The inputs of a frame, and its target.
 
 use glam::UVec2;
 
@@ -10,7 +10,7 @@ use crate::scene::Scene;
 
 pub use crate::passes::tonemap::{Picture, Target};
 
-/// What a frame is drawn from, and which images are drawn beside the picture.
+/// The inputs of a frame, and the choice of images beside its picture.
 ///
 /// [`FrameInput::new`] has what every frame needs:
 ///
@@ -25,13 +25,13 @@ pub use crate::passes::tonemap::{Picture, Target};
 pub struct FrameInput<'a> {
     /// All but the liquid.
     pub scene: &'a Scene,
-    /// What the picture shows.
+    /// The view of the picture.
     pub view: View,
     /// The liquid.
     pub splats: &'a Splats,
     /// Pixels of the picture.
     pub size: UVec2,
-    /// What the program that uses limpid has drawn: liquid appears in it, and rays see it. The scene's solids
+    /// The picture of the program that uses limpid: liquid appears in it, and rays see it. The scene's solids
     /// are then what rays find where the host's picture does not show its scene. They are not drawn.
     pub host: Option<&'a Host>,
     /// Draw the images of the first interface, [`Images::surface`], with motion vectors since the frame before.

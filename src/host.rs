@@ -11,7 +11,7 @@ use glam::{DMat4, DVec4, UVec2};
 use crate::camera::{View, parallel_near};
 use crate::error::{Error, Result};
 
-/// What a host has drawn before the liquid: [`FrameInput::host`]. All views are two-dimensional, of the
+/// The images that a host has drawn before the liquid: [`FrameInput::host`]. All views are two-dimensional, of the
 /// picture's size, with one sample per pixel and `TEXTURE_BINDING` usage. They are read when the recorded
 /// commands run.
 ///
