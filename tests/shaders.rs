@@ -312,7 +312,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 145] = [
+const LOOPS: [(&str, &str, &str, &str); 146] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -432,6 +432,7 @@ const LOOPS: [(&str, &str, &str, &str); 145] = [
     ("refract/guarded.wgsl", "opaque_entry", "for (var i = 0u; i < OPAQUE_STEPS; i++)", "a constant"),
     ("refract/host.wgsl", "background_radiance", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("refract/host.wgsl", "host_radiance", "for (var k = 0u; k < 4u; k++)", "a constant"),
+    ("refract/interfaces.wgsl", "liquid_entry", "for (var i = 0; i < select(1, 2, SPLASH); i++)", "a constant"),
     ("refract/interfaces.wgsl", "trace", "for (var event = 0u; event < 18u; event++)", "a constant"),
     ("refract/pixels.wgsl", "background_mean", "for (var i = 0u; i < count; i++)", "refract.samples or refract.edge_samples, 64 at most"),
     ("refract/pixels.wgsl", "background_pixels", "for (var k = 0; k < select(2, 3, thread < 17); k++)", "3"),

@@ -17,7 +17,7 @@
 
 // First solid along a light ray that the light's view shows.
 fn light_receiver(ray: ScreenRay) -> Interface {
-    return front_entry(OPAQUE, ray);
+    return opaque_entry(ray);
 }
 
 // Whether liquid that ends at x wets the receiver ahead.

@@ -144,7 +144,7 @@ fn in_first_liquid(texel: vec2i, omega: vec3f, disparity: f32, normal: vec3f) ->
 fn receiver_is_shadowed(x: vec3f, receiver: vec3f, cosine: f32) -> bool {
     let to = receiver - x;
     let length = length(to);
-    let hit = front_entry(OPAQUE, screen_ray(x, to / length, NOTHING));
+    let hit = opaque_entry(screen_ray(x, to / length, NOTHING));
     let slack = 1.5 * camera_pixel_side(receiver) / max(cosine, 0.1);
     return hit.found && distance(x, hit.position) < length - slack;
 }

@@ -150,9 +150,6 @@ fn clear_until(layer_class: i32, ray: ScreenRay, tau: f32) -> f32 {
 // One loop for strides and bisections: drivers inline the evaluation where it is called, and a group of pixels
 // waits for those that bisect.
 fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
-    if layer_class == OPAQUE {
-        return opaque_entry(ray);
-    }
     let close = CLOSE_PIXELS * ray.tau_per_pixel;
     let longest = max(params.reach * camera.size.y, LEAST_REACH) * ray.tau_per_pixel;
     // Starts with short steps: a ray that just left may re-enter within a pixel or two.
@@ -168,6 +165,10 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     var is_bracketed = false;
     var sample = 0.0;
     var strides = 0u;
+    // The crossing, once it is found.
+    var entered: Approach;
+    var hit_tau = NEVER;
+    var on_outline = false;
     for (var i = 0u; i < ENTRY_STEPS * (ENTRY_BISECTIONS + 1u); i++) {
         let found = approach(layer_class, ray, sample);
         var advances = true;
@@ -177,7 +178,9 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
                 next = sample;
                 there = found;
             } else if found.tau - sample <= close {
-                return entry_at(ray, found);
+                entered = found;
+                hit_tau = found.tau;
+                break;
             } else {
                 low = sample;
             }
@@ -192,7 +195,10 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
         }
         if advances {
             if is_bracketed && there.deep {
-                return outline_at(ray, next, there.plane, there.texel);
+                entered = there;
+                hit_tau = next;
+                on_outline = true;
+                break;
             }
             is_bracketed = false;
             tau = next;
@@ -205,7 +211,9 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
                 break;
             }
             if !here.behind && here.tau - tau <= close {
-                return entry_at(ray, here);
+                entered = here;
+                hit_tau = here.tau;
+                break;
             }
             if !here.behind {
                 let clear = clear_until(layer_class, ray, tau);
@@ -221,20 +229,18 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
             sample = next;
         } else {
             if there.tau >= low && next - there.tau <= close {
-                return entry_at(ray, there);
+                entered = there;
+                hit_tau = there.tau;
+                break;
             }
             let predicted = there.tau > low && there.tau < next && bisections < PREDICTED_BISECTIONS;
             sample = select(0.5 * (low + next), there.tau, predicted);
         }
     }
-    return no_interface();
-}
-
-fn entry_at(ray: ScreenRay, at: Approach) -> Interface {
-    if at.tau > 1.0 || at.tau < 0.0 {
+    if !(hit_tau >= 0.0 && hit_tau <= 1.0) {
         return no_interface();
     }
-    return interface_at(ray, at.tau, at.plane, at.texel);
+    return Interface(true, screen_ray_point(ray, hit_tau), entered.plane, entered.texel, on_outline);
 }
 
 const OPAQUE_STEPS: u32 = 128u;

@@ -24,7 +24,7 @@ fn host_hit(omega: vec3f, texel: vec2i) -> SolidHit {
 
 // The nearer of a solid's hit and the hit on what the picture shows.
 fn host_ahead(o: vec3f, d: vec3f, solid: SolidHit) -> SolidHit {
-    let shown = front_entry(OPAQUE, screen_ray(o, d, solid.t));
+    let shown = opaque_entry(screen_ray(o, d, solid.t));
     if !shown.found {
         return solid;
     }

@@ -9,7 +9,9 @@
 //     fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface
 //         Exit of a ray inside the liquid, which starts between the planes of `texel`.
 //     fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface
-//         Entry of a ray through the fronts of a class of layers, or its hit on the opaque scene.
+//         Entry of a ray through the fronts of a class of layers.
+//     fn opaque_entry(ray: ScreenRay) -> Interface
+//         Hit of a ray on the opaque scene.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -139,7 +141,8 @@ fn interface_normal(hit: Interface, d: vec3f) -> vec3f {
         let texel = vec2i(floor(u + OUTLINE_RADII[i & 1u] * direction));
         at.omega = camera_omega(vec2f(texel) + 0.5);
         let slabs = slabs_at(clamp(texel, vec2i(0), vec2i(camera.size) - 1), at, 0.0, ROUNDING);
-        outwards += select(direction, -direction, slabs_leave(slabs, at, 0.0, ROUNDING).inside);
+        let inside = starts_inside(slabs.aggregate, at) || (SPLASH && starts_inside(slabs.splash, at));
+        outwards += select(direction, -direction, inside);
     }
     // All around or nowhere: no outline is seen.
     if length(outwards) >= 1.0 {
@@ -221,17 +224,16 @@ fn class_interval(layer_class: i32, texel: vec2i, ray: ScreenRay, tau: f32) -> S
 
 // Entry of a ray from outside into the liquid.
 fn liquid_entry(ray: ScreenRay) -> Interface {
-    let aggregate = front_entry(AGGREGATE, ray);
-    if !SPLASH {
-        return aggregate;
-    }
-    let splash = front_entry(SPLASHES, ray);
     let o = screen_ray_point(ray, 0.0);
-    let nearer = distance(o, splash.position) < distance(o, aggregate.position);
-    if splash.found && (!aggregate.found || nearer) {
-        return splash;
+    var nearest = no_interface();
+    // One search in the source: drivers inline it where it is called, and compile it as often.
+    for (var i = 0; i < select(1, 2, SPLASH); i++) {
+        let hit = front_entry(select(AGGREGATE, SPLASHES, i == 1), ray);
+        if hit.found && (!nearest.found || distance(o, hit.position) < distance(o, nearest.position)) {
+            nearest = hit;
+        }
     }
-    return aggregate;
+    return nearest;
 }
 
 fn reflectance(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
@@ -280,7 +282,7 @@ fn look(ray: Look) -> vec3f {
         diagnosed.fallbacks += 1.0;
     }
     if SCREEN_SOLIDS && ray.screen {
-        let hit = front_entry(OPAQUE, screen_ray(ray.o, ray.d, NOTHING));
+        let hit = opaque_entry(screen_ray(ray.o, ray.d, NOTHING));
         if hit.found {
             return ray.weight * texel_radiance(hit.texel, ray.ambient, ray.travelled);
         }

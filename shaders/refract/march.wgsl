@@ -212,3 +212,7 @@ fn strided_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     }
     return no_interface();
 }
+
+fn opaque_entry(ray: ScreenRay) -> Interface {
+    return front_entry(OPAQUE, ray);
+}

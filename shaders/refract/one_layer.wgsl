@@ -126,3 +126,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     }
     return no_interface();
 }
+
+fn opaque_entry(ray: ScreenRay) -> Interface {
+    return front_entry(OPAQUE, ray);
+}

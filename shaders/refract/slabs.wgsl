@@ -163,6 +163,14 @@ fn slab_leave(slab: Slab, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
     return Leave(true, back_tau, back);
 }
 
+// Whether the start of a ray lies between the front and the back of a slab.
+fn starts_inside(slab: Slab, ray: ScreenRay) -> bool {
+    let rounding = ROUNDING * ray.disparity;
+    return !plane_is_empty(slab.front) && !plane_is_empty(slab.back)
+        && screen_ray_residual(ray, slab.front, 0.0) >= -rounding
+        && screen_ray_residual(ray, slab.back, 0.0) <= rounding;
+}
+
 // `Leave` of the union of both classes: inside if in either, left where the last of them is left.
 fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
     let aggregate = slab_leave(slabs.aggregate, ray, tau, slack);

@@ -43,7 +43,7 @@ fn intersect_pixels(@builtin(global_invocation_id) id: vec3u) {
     let ray = screen_ray(o, d, NOTHING);
     var hit: Interface;
     if TO_SOLIDS {
-        hit = front_entry(OPAQUE, ray);
+        hit = opaque_entry(ray);
     } else {
         hit = liquid_exit(ray, p);
     }

@@ -146,7 +146,7 @@ impl Picture {
                 } else if x[8] == 1.0 {
                     hit = liquid_entry(ray);
                 } else {
-                    hit = front_entry(OPAQUE, ray);
+                    hit = opaque_entry(ray);
                 }
                 return array(select(0.0, 1.0, hit.found), hit.position.x, hit.position.y,
                     hit.position.z, hit.plane.x, hit.plane.y, hit.plane.z, diagnosed.failures);
