@@ -61,7 +61,10 @@ golden() {
 opengl() { in_opengl refract fluids intersectors shader_math classify_device cull; }
 
 # What is compiled only without the window.
-lints() { cargo clippy --locked -p limpid-cli -- -D warnings; }
+lints() {
+    cargo clippy --locked -p limpid-cli -- -D warnings
+    cargo test --locked -p limpid-cli --test cli without_the_viewer
+}
 
 advisories() {
     if ! git ls-remote --exit-code https://github.com/RustSec/advisory-db HEAD >/dev/null 2>&1; then
