@@ -398,8 +398,7 @@ fn gathered_map_matches_the_reference() {
                 (1, view(&layers)),
                 (2, view(&layers)),
                 (3, view(&planes)),
-                // Bounds are not read, nor is the mixture with one fluid.
-                (4, view(&planes)),
+                // The mixture is not read with one fluid.
                 (5, view(&planes)),
             ],
             vec![],
