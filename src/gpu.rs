@@ -2,15 +2,15 @@
 
 mod binding;
 mod commands;
+mod compiled;
 mod readback;
 #[doc(hidden)]
 pub mod shader;
 mod timer;
 
-use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use glam::UVec2;
@@ -26,6 +26,9 @@ pub use binding::{
 #[doc(hidden)]
 pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};
+use compiled::Compiled;
+#[doc(hidden)]
+pub use compiled::{compute_pipeline, module_pipeline};
 #[doc(hidden)]
 pub use readback::{Pending, Reading, begin_reading, begin_reading_buffer, read_mapped};
 #[doc(hidden)]
@@ -48,8 +51,8 @@ pub struct Gpu {
     failure: Option<Arc<Mutex<Failure>>>,
     /// Compiled pipelines of earlier runs, if the caller supplied any.
     cache: Option<wgpu::PipelineCache>,
-    /// Shader modules by source, shared between pipelines.
-    modules: Arc<Mutex<HashMap<String, wgpu::ShaderModule>>>,
+    /// Shared between all that draw with the device.
+    compiled: Arc<Compiled>,
     /// Largest work of one submission.
     most_work: u64,
     /// Set by another thread to end what this handle draws.
@@ -161,7 +164,7 @@ impl Gpu {
             queue,
             failure: None,
             cache: None,
-            modules: Arc::default(),
+            compiled: Arc::default(),
             most_work: MOST_WORK,
             interrupt: None,
             grain: None,
@@ -213,19 +216,6 @@ impl Gpu {
     #[doc(hidden)]
     pub fn cache(&self) -> Option<&wgpu::PipelineCache> {
         self.cache.as_ref()
-    }
-
-    /// Returns the shader module of a source text, which is parsed only once.
-    #[doc(hidden)]
-    pub fn module(&self, label: &str, text: String) -> wgpu::ShaderModule {
-        let mut modules = self.modules.lock().unwrap_or_else(PoisonError::into_inner);
-        let create = |text: &String| {
-            self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(label),
-                source: wgpu::ShaderSource::Wgsl(text.into()),
-            })
-        };
-        modules.entry(text).or_insert_with_key(create).clone()
     }
 
     /// Whether the driver compiles shaders in this process's memory: a software adapter.
@@ -640,49 +630,6 @@ pub fn bind_group(
         label: Some(label),
         layout,
         entries: &entries,
-    })
-}
-
-/// Creates a compute pipeline from an entry point of a shader file, specialised by `constants`.
-#[doc(hidden)]
-pub fn compute_pipeline(
-    gpu: &Gpu,
-    shader: &str,
-    entry_point: &str,
-    layouts: &[&wgpu::BindGroupLayout],
-    constants: &[(&str, f64)],
-) -> wgpu::ComputePipeline {
-    let module = shader::module(gpu, shader, shader::Variant::default());
-    module_pipeline(gpu, shader, &module, entry_point, layouts, constants)
-}
-
-/// As [`compute_pipeline`], from an existing module.
-#[doc(hidden)]
-pub fn module_pipeline(
-    gpu: &Gpu,
-    shader: &str,
-    module: &wgpu::ShaderModule,
-    entry_point: &str,
-    layouts: &[&wgpu::BindGroupLayout],
-    constants: &[(&str, f64)],
-) -> wgpu::ComputePipeline {
-    let layouts: Vec<_> = layouts.iter().map(|&layout| Some(layout)).collect();
-    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(shader),
-        bind_group_layouts: &layouts,
-        immediate_size: 0,
-    });
-    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(&format!("{shader} {entry_point}")),
-        layout: Some(&layout),
-        module,
-        entry_point: Some(entry_point),
-        compilation_options: wgpu::PipelineCompilationOptions {
-            constants,
-            // No shader reads uninitialised workgroup memory.
-            zero_initialize_workgroup_memory: false,
-        },
-        cache: gpu.cache(),
     })
 }
 

@@ -1,30 +1,8 @@
-//! Bind group layouts: one binding type per binding, in binding order.
+//! Types of bindings, of which [`Gpu::layout`] makes layouts.
 
 use super::Gpu;
 
 impl Gpu {
-    /// Creates a layout of bindings 0, 1, … visible to `stages`.
-    pub fn layout(
-        &self,
-        label: &str,
-        stages: wgpu::ShaderStages,
-        bindings: &[wgpu::BindingType],
-    ) -> wgpu::BindGroupLayout {
-        let entries: Vec<_> = (0u32..)
-            .zip(bindings)
-            .map(|(binding, &ty)| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: stages,
-                ty,
-                count: None,
-            })
-            .collect();
-        self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some(label),
-            entries: &entries,
-        })
-    }
-
     /// As [`uniform`], for values that decide branches; see [`Gpu::uniforms_are_stored`].
     pub fn branching<T>(&self) -> wgpu::BindingType {
         if self.uniforms_are_stored() { storage_of(size_of::<T>() as u64) } else { uniform::<T>() }

@@ -142,7 +142,7 @@ pub const ROOTS: &[&str] = &[
 ];
 
 /// Values of the placeholders in a root and its imports, words that begin with `$`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Variant {
     /// `$intersector`: the file of `refract/` to import.
     pub intersector: Option<&'static str>,
@@ -266,7 +266,7 @@ pub fn resolve<'a>(
     out
 }
 
-/// Creates the shader module of a root for a variant on a device.
+/// The shader module of a root for a variant on a device.
 pub fn module(gpu: &Gpu, root: &str, variant: Variant) -> wgpu::ShaderModule {
     let variant = Variant {
         stored_uniforms: gpu.uniforms_are_stored(),
@@ -274,7 +274,7 @@ pub fn module(gpu: &Gpu, root: &str, variant: Variant) -> wgpu::ShaderModule {
         grain: gpu.grain(),
         ..variant
     };
-    gpu.module(root, source(root, variant))
+    gpu.module(root, variant)
 }
 
 /// Parses the value of a constant in a shader, for tests that compare it with Rust.

@@ -1,0 +1,127 @@
+//! Shader modules, layouts and pipelines: each is made once for a device, whichever passes, views and renderers use it.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::{Gpu, shader};
+
+/// What was made for a device.
+#[derive(Debug, Default)]
+pub(super) struct Compiled {
+    /// By root and variant.
+    modules: Mutex<HashMap<(String, shader::Variant), wgpu::ShaderModule>>,
+    /// By stages and bindings.
+    layouts: Mutex<HashMap<(wgpu::ShaderStages, Vec<wgpu::BindingType>), wgpu::BindGroupLayout>>,
+    pipelines: Mutex<HashMap<Kernel, wgpu::ComputePipeline>>,
+}
+
+/// An entry point of a module, its layouts, and its constants with the bits of their values.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+struct Kernel {
+    module: wgpu::ShaderModule,
+    entry_point: String,
+    layouts: Vec<wgpu::BindGroupLayout>,
+    constants: Vec<(String, u64)>,
+}
+
+/// A panic while something was made leaves the map as it was.
+fn locked<T>(map: &Mutex<T>) -> MutexGuard<'_, T> {
+    map.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Gpu {
+    /// As [`shader::module`], of exactly this variant.
+    pub(super) fn module(&self, root: &str, variant: shader::Variant) -> wgpu::ShaderModule {
+        let create = || {
+            self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(root),
+                source: wgpu::ShaderSource::Wgsl(shader::source(root, variant).into()),
+            })
+        };
+        locked(&self.compiled.modules)
+            .entry((root.to_owned(), variant))
+            .or_insert_with(create)
+            .clone()
+    }
+
+    /// The layout of bindings 0, 1, … visible to `stages`.
+    pub fn layout(
+        &self,
+        label: &str,
+        stages: wgpu::ShaderStages,
+        bindings: &[wgpu::BindingType],
+    ) -> wgpu::BindGroupLayout {
+        let create = || {
+            let entries: Vec<_> = (0u32..)
+                .zip(bindings)
+                .map(|(binding, &ty)| wgpu::BindGroupLayoutEntry {
+                    binding,
+                    visibility: stages,
+                    ty,
+                    count: None,
+                })
+                .collect();
+            self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(label),
+                entries: &entries,
+            })
+        };
+        let key = (stages, bindings.to_vec());
+        locked(&self.compiled.layouts).entry(key).or_insert_with(create).clone()
+    }
+}
+
+/// The compute pipeline of an entry point of a shader file, specialised by `constants`.
+#[doc(hidden)]
+pub fn compute_pipeline(
+    gpu: &Gpu,
+    shader: &str,
+    entry_point: &str,
+    layouts: &[&wgpu::BindGroupLayout],
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    let module = shader::module(gpu, shader, shader::Variant::default());
+    module_pipeline(gpu, shader, &module, entry_point, layouts, constants)
+}
+
+/// As [`compute_pipeline`], from an existing module.
+#[doc(hidden)]
+pub fn module_pipeline(
+    gpu: &Gpu,
+    shader: &str,
+    module: &wgpu::ShaderModule,
+    entry_point: &str,
+    layouts: &[&wgpu::BindGroupLayout],
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    let bits = |&(name, value): &(&str, f64)| (name.to_owned(), value.to_bits());
+    let kernel = Kernel {
+        module: module.clone(),
+        entry_point: entry_point.to_owned(),
+        layouts: layouts.iter().copied().cloned().collect(),
+        constants: constants.iter().map(bits).collect(),
+    };
+    if let Some(known) = locked(&gpu.compiled.pipelines).get(&kernel) {
+        return known.clone();
+    }
+    // Not under the lock: others compile at the same time.
+    let layouts: Vec<_> = layouts.iter().map(|&layout| Some(layout)).collect();
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(shader),
+        bind_group_layouts: &layouts,
+        immediate_size: 0,
+    });
+    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(&format!("{shader} {entry_point}")),
+        layout: Some(&layout),
+        module,
+        entry_point: Some(entry_point),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            constants,
+            // No shader reads uninitialised workgroup memory.
+            zero_initialize_workgroup_memory: false,
+        },
+        cache: gpu.cache(),
+    });
+    locked(&gpu.compiled.pipelines).entry(kernel).or_insert(pipeline).clone()
+}
