@@ -28,7 +28,7 @@ pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};
 use compiled::Compiled;
 #[doc(hidden)]
-pub use compiled::{compute_pipeline, module_pipeline};
+pub use compiled::{Bound, bind, compute_pipeline, module_pipeline};
 #[doc(hidden)]
 pub use readback::{Pending, Reading, begin_reading, begin_reading_buffer, read_mapped};
 #[doc(hidden)]

@@ -4,18 +4,19 @@ use glam::{DVec3, UVec2, Vec3};
 
 use crate::error::{Limited, Result};
 use crate::gpu::{self, Commands, Gpu, Timer};
-use crate::light_view::PlacedView;
-use crate::light_view::{CUBE, LightView};
+use crate::light_view::{CUBE, LightView, PlacedView};
 use crate::liquid::bulk::{self, Bulk};
 use crate::liquid::classify::{Splat, Splats};
 use crate::passes::Layers;
-use crate::passes::caustics::{CausticMap, Caustics, Inputs, MapConfig, Output, Params};
+use crate::passes::caustics::{
+    CausticBuffers, CausticMap, Caustics, Inputs, MapConfig, Output, Params,
+};
 use crate::passes::gaps;
 use crate::passes::mixture;
 use crate::passes::scene_binding::LightMaps;
 use crate::passes::smooth;
 use crate::passes::tiles::Sections;
-use crate::passes::view_passes::{FrameInputs, PassNames, ViewConfig, ViewPasses};
+use crate::passes::view_passes::{FrameInputs, PassNames, PreparedView, ViewConfig, ViewPasses};
 use crate::scene::{Light, Scene};
 use crate::settings::{self, Method};
 
@@ -39,28 +40,32 @@ pub struct Lights {
     views: Vec<PlacedView>,
     maps: Option<LightMaps>,
     /// Passes of each view, in the order of the views; kept for the next frame.
-    passes: Vec<LightPasses>,
+    passes: Vec<ViewPasses>,
+    caustic_buffers: CausticBuffers,
 }
 
+/// A frame's passes of one of the views.
 #[derive(Debug)]
-struct LightPasses {
-    orthographic: bool,
-    surfaces: ViewPasses,
+pub struct PreparedLight {
+    surfaces: PreparedView,
     caustics: Caustics,
 }
 
 impl Lights {
-    /// Chooses the views, allocates the maps and compiles missing pipelines.
-    pub fn prepare(&mut self, gpu: &Gpu, frame: FrameInputs<'_>) -> Result<()> {
+    /// Chooses the views, allocates the maps and compiles missing pipelines; returns the passes in the order of the views.
+    ///
+    /// # Errors
+    /// [`Error::Limit`](crate::Error::Limit) for maps that the adapter cannot hold.
+    pub fn prepare(&mut self, gpu: &Gpu, frame: FrameInputs<'_>) -> Result<Vec<PreparedLight>> {
         let FrameInputs { scene, splats, .. } = frame;
         let settings = &scene.settings.caustics;
         (self.count, self.views) = (0, Vec::new());
         if !scene.is_lit() {
-            return Ok(());
+            return Ok(Vec::new());
         }
         self.count = scene.lights.len();
         self.views = place(&light_views(scene, splats), settings.resolution);
-        let Some(last) = self.views.last() else { return Ok(()) };
+        let Some(last) = self.views.last() else { return Ok(Vec::new()) };
         let size = UVec2::splat(settings.resolution);
         gpu.check_image(size, Limited::CausticMap)?;
         let layers = gpu::array_layers(gpu, (last.layer + 1).max(self.count as u32));
@@ -77,14 +82,13 @@ impl Lights {
         }
 
         let splash = !splats.splashes.is_empty();
+        let mut prepared = Vec::new();
         for (i, placed) in self.views.iter().enumerate() {
             let view = &placed.view;
-            if self.passes.get(i).is_none_or(|passes| passes.orthographic != view.orthographic) {
-                let surfaces = ViewPasses::new(gpu, view.orthographic);
-                let caustics = Caustics::new(gpu, &surfaces.camera);
-                let passes = LightPasses { orthographic: view.orthographic, surfaces, caustics };
+            let fits = |passes: &ViewPasses| passes.camera.is_orthographic() == view.orthographic;
+            if !self.passes.get(i).is_some_and(fits) {
                 self.passes.truncate(i);
-                self.passes.push(passes);
+                self.passes.push(ViewPasses::new(gpu, view.orthographic));
             }
             let map_settings = settings_of(placed, settings);
             let backs = map_settings.interfaces > 1;
@@ -102,40 +106,43 @@ impl Lights {
                 levels: 1,
                 backs,
                 gaps,
+                smooth: !frame.fits.is_empty() || gaps > 0,
                 tags: false,
                 sections,
             };
             let (before, passes) = self.passes.split_at_mut(i);
-            let LightPasses { surfaces, caustics, .. } = &mut passes[0];
+            let surfaces = &mut passes[0];
             // A view's layers are no longer needed when its map is drawn.
-            before.iter().for_each(|before| caustics.share(&before.caustics));
-            match before.iter().find(|before| before.surfaces.config() == config) {
-                Some(before) => surfaces.share(&before.surfaces),
+            match before.iter().find(|before| before.config() == config) {
+                Some(before) => surfaces.share(before),
                 None => surfaces.resize(gpu, config),
             }
             let uniform = view.uniform(splats.origin);
-            surfaces.list_splats(gpu, frame, &uniform, view.origin);
-            surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
+            surfaces.upload(gpu, frame, &uniform, view.origin, &[], None);
+            let passes = surfaces.prepare(gpu, frame, &uniform, view.origin);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
             let config = MapConfig { settings: &map_settings, splash, gaps, size };
-            caustics.prepare(gpu, camera, bound, scene, config)?;
+            let kept = &mut self.caustic_buffers;
+            let caustics = Caustics::prepare(gpu, camera, bound, scene, config, kept)?;
+            prepared.push(PreparedLight { surfaces: passes, caustics });
         }
-        Ok(())
+        let maps: Vec<_> = prepared.iter().map(|light| &light.caustics).collect();
+        self.caustic_buffers.keep(&maps);
+        Ok(prepared)
     }
 
     /// Records the views of each light, and its maps.
     pub fn record(
         &self,
-        gpu: &Gpu,
+        prepared: &[PreparedLight],
         commands: &mut Commands<'_>,
         frame: FrameInputs<'_>,
         timer: &mut Timer,
     ) {
         let FrameInputs { scene, splats, .. } = frame;
-        for (placed, passes) in self.views.iter().zip(&self.passes) {
+        for ((placed, surfaces), passes) in self.views.iter().zip(&self.passes).zip(prepared) {
             let Some(maps) = &self.maps else { return };
-            let LightPasses { surfaces, caustics, .. } = passes;
-            surfaces.record(gpu, commands, frame, timer, PassNames::LIGHT);
+            surfaces.record(&passes.surfaces, commands, timer, PassNames::LIGHT);
             let map_settings = settings_of(placed, &scene.settings.caustics);
             let PlacedView { layer, corner, .. } = *placed;
             let light = &scene.lights[placed.light];
@@ -149,16 +156,14 @@ impl Lights {
                 scene: &surfaces.scene,
                 aggregate: surfaces.aggregate_layers(),
                 splash: surfaces.splash_layers(),
-                gaps: gaps::count(&scene.settings.layers, map_settings.interfaces, splats),
-                gbuffer: &surfaces.gbuffer.images,
-                mixture: Some(&surfaces.mixture.view),
-                method: map_settings.method,
+                gbuffer: &surfaces.images.gbuffer,
+                mixture: Some(&surfaces.images.mixture.view),
                 params: &params,
             };
             let output = Output { map: &maps.maps, receivers: &maps.receivers, layer };
             let radius = splats.radius;
             let span = timer.span("caustics");
-            caustics.record(commands, scene, radius, inputs, output, span);
+            passes.caustics.record(commands, scene, radius, inputs, output, span);
         }
     }
 

@@ -1,9 +1,8 @@
 //! The passes of a frame, in order, and the data that flows between them.
 //!
-//! Each pass implements the functions below that it needs: `new` compiles the pipelines that every frame
-//! uses; `resize` replaces the textures; `prepare` uploads the frame's parameters and compiles
-//! missing pipelines; `record` encodes the commands under a timestamp span and does not change the
-//! pass. Outputs are public. A pass is one file here and one of the same name in `shaders/`.
+//! The outputs of a view's passes, [`view_passes::ViewImages`], are kept from frame to frame. A pass is what `prepare`
+//! returns for one frame: it uploads parameters, binds images, and compiles missing pipelines, which the device keeps.
+//! `record` encodes the commands under a timestamp span. A pass is one file here and one of the same name in `shaders/`.
 
 use glam::UVec2;
 

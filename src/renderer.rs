@@ -10,7 +10,7 @@ use crate::error::{Error, Limited, Result};
 use crate::frame::{FrameInput, Target};
 use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, SubmittedTimes, Timer};
 use crate::host::HostRays;
-use crate::lights::Lights;
+use crate::lights::{Lights, PreparedLight};
 use crate::memory;
 use crate::passes::bounds::Bounds;
 use crate::passes::caustics::CausticMap;
@@ -23,7 +23,9 @@ use crate::passes::smooth;
 use crate::passes::surface::{self, Surface, SurfaceImages};
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
-use crate::passes::view_passes::{FrameInputs, PassNames, SplatSet, ViewConfig, ViewPasses};
+use crate::passes::view_passes::{
+    FrameInputs, PassNames, PreparedView, SplatSet, ViewConfig, ViewPasses,
+};
 use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::settings::{self, Solids};
 use crate::view_range;
@@ -317,14 +319,15 @@ impl Renderer {
         }
         self.meshes.prepare(gpu, input.scene)?;
         let inputs = frame.inputs(&self.splat_set, &self.meshes);
-        if frame.dirty.lights {
-            self.lights.prepare(gpu, inputs)?;
-        }
-        if frame.dirty.surfaces {
-            self.camera_view.list_splats(gpu, inputs, &frame.uniform, eye);
-        }
+        let lights = match frame.dirty.lights {
+            true => self.lights.prepare(gpu, inputs)?,
+            false => Vec::new(),
+        };
         let (views, maps) = (self.lights.views(), self.lights.maps());
-        self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
+        self.camera_view.upload(gpu, inputs, &frame.uniform, eye, views, maps);
+        let surfaces = frame.dirty.surfaces;
+        let view = surfaces.then(|| self.camera_view.prepare(gpu, inputs, &frame.uniform, eye));
+        (frame.lights, frame.view) = (lights, view);
         self.background.prepare(gpu, input.scene.background.as_ref(), input.size)?;
         if let Some(host) = input.host {
             self.host_gbuffer.prepare(gpu, &self.camera_view.camera, host, frame.uniform.far);
@@ -370,17 +373,15 @@ impl Renderer {
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
     fn record_views(&self, frame: &Frame<'_>, commands: &mut Commands<'_>, timer: &mut Timer) {
-        let (inputs, dirty) = (frame.inputs(&self.splat_set, &self.meshes), frame.dirty);
-        if dirty.lights {
-            self.lights.record(&self.gpu, commands, inputs, timer);
-        }
-        if dirty.surfaces {
-            self.camera_view.record(&self.gpu, commands, inputs, timer, PassNames::CAMERA);
+        let inputs = frame.inputs(&self.splat_set, &self.meshes);
+        self.lights.record(&frame.lights, commands, inputs, timer);
+        if let Some(view) = &frame.view {
+            self.camera_view.record(view, commands, timer, PassNames::CAMERA);
         }
         if let Some(host) = frame.input.host {
-            let ViewPasses { camera, gbuffer, .. } = &self.camera_view;
+            let ViewPasses { camera, images, .. } = &self.camera_view;
             let (encoder, span) = (&mut *commands.encoder, timer.span("host"));
-            self.host_gbuffer.record(&self.gpu, encoder, camera, host, &gbuffer.images, span);
+            self.host_gbuffer.record(&self.gpu, encoder, camera, host, &images.gbuffer, span);
         }
     }
 
@@ -397,7 +398,7 @@ impl Renderer {
             let mut layers = vec![&self.camera_view.aggregate_layers().texture];
             layers.extend(self.camera_view.splash_layers().map(|splash| &splash.texture));
             let on_screen = frame.screen_solids || frame.input.host.is_some();
-            layers.extend(on_screen.then_some(&self.camera_view.gbuffer.images.planes));
+            layers.extend(on_screen.then_some(&self.camera_view.images.gbuffer.planes));
             mips.record(&self.gpu, commands.encoder, &layers, timer.span("mips"));
         }
         let reads_bounds = dirty.surfaces && frame.variant.bounds;
@@ -445,10 +446,10 @@ impl Renderer {
     pub fn images(&self) -> Images {
         let (view, refract) = (&self.camera_view, &self.refract);
         Images {
-            aggregate: view.splat.aggregate.clone(),
+            aggregate: view.images.splat.aggregate.clone(),
             smoothed: view.aggregate_layers().clone(),
             splash: view.splash_layers().cloned(),
-            gbuffer: view.has_gbuffer().then(|| view.gbuffer.images.clone()),
+            gbuffer: view.has_gbuffer().then(|| view.images.gbuffer.clone()),
             caustics: self.lights.caustic_maps(),
             surface: self.shows_surface.then(|| self.surface_images.images.clone()).flatten(),
             fluids: self.fluids,
@@ -492,6 +493,10 @@ pub struct Frame<'a> {
     screen_solids: bool,
     /// Images of the first interface, if they are drawn.
     surface: Option<surface::Request>,
+    /// Passes of the lights' views, if those are drawn.
+    lights: Vec<PreparedLight>,
+    /// Passes of the camera's view, if that is drawn.
+    view: Option<PreparedView>,
     /// The frame before.
     last: Option<LastFrame>,
     /// What differs from it.
@@ -511,6 +516,7 @@ impl<'a> Frame<'a> {
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
         let work = work.max(smooth::work(&settings.smooth));
+        let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
         let config = ViewConfig {
             size,
             splash,
@@ -520,6 +526,7 @@ impl<'a> Frame<'a> {
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
             gaps,
+            smooth: !fits.is_empty() || gaps > 0,
             tags: input.surface.is_some(),
             sections: Sections::for_work(gpu, size, work),
         };
@@ -535,11 +542,13 @@ impl<'a> Frame<'a> {
             uniform: view.uniform(size, splats.origin, far),
             config,
             variant,
-            fits: smooth::Params::iterations(&settings.smooth, splats.radius),
+            fits,
             work,
             starts_inside,
             screen_solids,
             surface: None,
+            lights: Vec::new(),
+            view: None,
             last,
             dirty,
         }

@@ -71,6 +71,28 @@ impl Gpu {
     }
 }
 
+/// A bind group, and its layout for the pipelines that read it.
+#[doc(hidden)]
+#[derive(Debug, Clone)]
+pub struct Bound {
+    pub layout: wgpu::BindGroupLayout,
+    pub group: wgpu::BindGroup,
+}
+
+/// Binds resources of these types to bindings 0, 1, … of compute shaders.
+#[doc(hidden)]
+pub fn bind(
+    gpu: &Gpu,
+    label: &str,
+    bindings: &[(wgpu::BindingType, wgpu::BindingResource<'_>)],
+) -> Bound {
+    let types: Vec<_> = bindings.iter().map(|(ty, _)| *ty).collect();
+    let resources: Vec<_> = bindings.iter().map(|(_, resource)| resource.clone()).collect();
+    let layout = gpu.layout(label, wgpu::ShaderStages::COMPUTE, &types);
+    let group = super::bind_group(gpu, label, &layout, &resources);
+    Bound { layout, group }
+}
+
 /// The compute pipeline of an entry point of a shader file, specialised by `constants`.
 #[doc(hidden)]
 pub fn compute_pipeline(

@@ -6,8 +6,6 @@
 //! The memory for the lists is known before they are made, from bounds of the splats on the CPU. Where it exceeds what
 //! one binding holds, the picture is drawn in bands of tiles; splats that exceed one binding are drawn in chunks.
 
-use std::collections::HashMap;
-
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, UVec2, Vec3};
 use rayon::prelude::*;
@@ -15,7 +13,7 @@ use rayon::prelude::*;
 use super::CameraBinding;
 use super::splat_buffers::{self, SplatBuffers};
 use crate::camera::CameraUniform;
-use crate::gpu::{self, Gpu, Grain, Span, TILE};
+use crate::gpu::{self, Bound, Gpu, Grain, Span, TILE};
 use crate::liquid::classify::Splat as SplatData;
 
 /// Index of the bodies and sheets in pairs of classes.
@@ -54,53 +52,15 @@ const LANES: u32 = 8;
 /// Layers of the state that chunks hand over: four sums, or two depths of each of two gaps.
 const STATES: u32 = 4;
 
-/// The lists of a view.
-#[derive(Debug)]
-pub struct Bins {
-    layouts: Layouts,
-    pipelines: Pipelines,
-    classes: [Vec<Chunk>; 2],
+/// Memory of a view's lists, kept from frame to frame.
+#[derive(Debug, Clone)]
+pub struct BinBuffers {
+    /// Of each chunk of each class.
+    chunks: [Vec<Buffers>; 2],
     /// Of each class and tile, whether it is drawn: in the frame before or, once its lists are made, in this one.
     filled: [wgpu::Buffer; 2],
-    /// State of each pixel that a chunk hands over to the next; one pixel unless [`Bins::prepare`] finds that it is needed.
+    /// State of each pixel that a chunk hands over to the next; one pixel unless it is needed.
     state: wgpu::Texture,
-    grain: Grain,
-}
-
-#[derive(Debug)]
-struct Layouts {
-    project: wgpu::BindGroupLayout,
-    scan: wgpu::BindGroupLayout,
-    fill: wgpu::BindGroupLayout,
-    read: wgpu::BindGroupLayout,
-}
-
-#[derive(Debug)]
-struct Pipelines {
-    project: wgpu::ComputePipeline,
-    count_large: wgpu::ComputePipeline,
-    sum: wgpu::ComputePipeline,
-    /// By whether the chunk is the first and the last.
-    scan: HashMap<[bool; 2], wgpu::ComputePipeline>,
-    arrange: wgpu::ComputePipeline,
-    fill: wgpu::ComputePipeline,
-    fill_large: wgpu::ComputePipeline,
-}
-
-/// The lists of one binding of splats.
-#[derive(Debug, Clone)]
-struct Chunk {
-    params: Params,
-    buffers: Buffers,
-    project: wgpu::BindGroup,
-    scan: wgpu::BindGroup,
-    bands: Vec<Band>,
-}
-
-#[derive(Debug, Clone)]
-struct Band {
-    fill: wgpu::BindGroup,
-    read: wgpu::BindGroup,
 }
 
 #[derive(Debug, Clone)]
@@ -118,20 +78,44 @@ struct Buffers {
     dispatches: wgpu::Buffer,
 }
 
-/// A band of a chunk, whose lists are made.
-#[derive(Debug, Clone, Copy)]
-pub struct Part {
-    /// No chunk of the class is before.
-    pub first: bool,
-    /// No chunk of the class follows.
-    pub last: bool,
+/// The lists of a view's splats.
+#[derive(Debug)]
+pub struct Bins {
+    camera: wgpu::BindGroup,
+    classes: [Vec<Chunk>; 2],
+    state: wgpu::TextureView,
+    pipelines: Pipelines,
 }
 
-impl Part {
-    /// Specialisation: whether the chunk is the first and the last.
-    pub fn ends(self) -> [bool; 2] {
-        [self.first, self.last]
-    }
+#[derive(Debug)]
+struct Pipelines {
+    project: wgpu::ComputePipeline,
+    count_large: wgpu::ComputePipeline,
+    sum: wgpu::ComputePipeline,
+    arrange: wgpu::ComputePipeline,
+    fill: wgpu::ComputePipeline,
+    fill_large: wgpu::ComputePipeline,
+}
+
+/// The lists of one binding of splats.
+#[derive(Debug)]
+struct Chunk {
+    params: Params,
+    buffers: Buffers,
+    splats: wgpu::BindGroup,
+    project: Bound,
+    scan: Bound,
+    bands: Vec<Band>,
+    /// Depends on whether the chunk is the first and the last.
+    scan_pipeline: wgpu::ComputePipeline,
+    /// Workgroups among which large splats are divided.
+    large_groups: u32,
+}
+
+#[derive(Debug)]
+struct Band {
+    fill: Bound,
+    read: Bound,
 }
 
 /// Tiles of a class that have splats no more.
@@ -162,38 +146,62 @@ pub struct Listed<'a> {
     pub buffers: &'a SplatBuffers,
 }
 
-impl Bins {
-    /// Compiles the pipelines; [`Bins::prepare`] allocates the lists.
-    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
-        let layouts = Layouts::new(gpu);
-        let splats = splat_buffers::layout(gpu);
-        let constants = camera.constants();
-        let project = |entry: &str| {
-            let layouts = [&camera.layout, &splats, &layouts.project];
-            gpu::compute_pipeline(gpu, "bins/project.wgsl", entry, &layouts, &constants)
-        };
-        let scan = |entry: &str| layouts.scan_pipeline(gpu, entry, [true, true]);
-        let fill = |entry: &str| {
-            let layouts = [&camera.layout, &splats, &layouts.fill];
-            gpu::compute_pipeline(gpu, "bins/fill.wgsl", entry, &layouts, &[])
-        };
-        let pipelines = Pipelines {
-            project: project("project"),
-            count_large: project("count_large"),
-            sum: scan("sum"),
-            scan: HashMap::from([([true, true], scan("scan"))]),
-            arrange: scan("arrange"),
-            fill: fill("fill"),
-            fill_large: fill("fill_large"),
-        };
+impl BinBuffers {
+    /// For the empty images of a view of `size` pixels.
+    pub fn new(gpu: &Gpu, size: UVec2) -> Self {
         Self {
-            layouts,
-            pipelines,
-            classes: [Vec::new(), Vec::new()],
-            filled: [(); 2].map(|()| create_filled(gpu, UVec2::ONE)),
+            chunks: [Vec::new(), Vec::new()],
+            filled: [(); 2].map(|()| create_filled(gpu, size)),
             state: create_state(gpu, UVec2::ONE),
-            grain: gpu.grain(),
         }
+    }
+}
+
+impl Bins {
+    /// Allocates the lists of a view of splats up to `swell` times as large, in `kept` where it has room. `summed` keeps
+    /// a state from one class to the other.
+    pub fn prepare(
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        uniform: &CameraUniform,
+        classes: [Listed<'_>; 2],
+        swell: f32,
+        summed: bool,
+        kept: &mut BinBuffers,
+    ) -> Self {
+        let size = uniform.size.as_uvec2();
+        let tiles = size.map(|n| n.div_ceil(TILE)).to_array();
+        let BinBuffers { chunks: kept, filled, state } = kept;
+        let classes: [Vec<Chunk>; 2] = std::array::from_fn(|class| {
+            let Listed { splats, buffers } = classes[class];
+            let mut old = std::mem::take(&mut kept[class]).into_iter();
+            let (mut rest, count) = (splats, buffers.chunks().count());
+            let chunks = buffers.chunks().enumerate().map(|(i, bound)| {
+                let (splats, others) = rest.split_at((bound.count as usize).min(rest.len()));
+                rest = others;
+                let lanes = match gpu.grain() {
+                    Grain::Pixel if bound.count < MANY => LANES,
+                    _ => 1,
+                };
+                let params =
+                    Params { splats: bound.count, lanes, tiles, swell, ..Zeroable::zeroed() };
+                let most = most_entries(splats, uniform, swell);
+                let buffers = Buffers::new(gpu, params, most, old.next().as_ref());
+                Chunk::new(gpu, bound, buffers, &filled[class], [i == 0, i + 1 == count])
+            });
+            chunks.collect()
+        });
+        *kept = classes
+            .each_ref()
+            .map(|chunks| chunks.iter().map(|chunk| chunk.buffers.clone()).collect());
+        let handed_over = summed || classes.iter().any(|chunks| chunks.len() > 1);
+        let wanted = if handed_over { size } else { UVec2::ONE };
+        if (state.width(), state.height()) != (wanted.x, wanted.y) {
+            *state = create_state(gpu, wanted);
+        }
+        let pipelines = Pipelines::new(gpu, camera, &classes[AGGREGATES][0]);
+        let (camera, state) = (camera.group.clone(), gpu::array_view(state));
+        Self { camera, classes, state, pipelines }
     }
 
     /// The tiles of a class that have splats no more, or not yet in the first of several chunks.
@@ -207,119 +215,63 @@ impl Bins {
         self.classes[class].len() > 1
     }
 
-    /// Whether chunks are the first and the last of their class, for each kind that there is.
-    pub fn ends(&self) -> Vec<[bool; 2]> {
-        match self.classes.iter().map(Vec::len).max() {
-            None | Some(0 | 1) => vec![[true, true]],
-            Some(2) => vec![[true, true], [true, false], [false, true]],
-            _ => vec![[true, true], [true, false], [false, true], [false, false]],
-        }
-    }
-
-    /// The layout of group 2 of `splat/lists.wgsl`.
-    pub fn read_layout(&self) -> &wgpu::BindGroupLayout {
-        &self.layouts.read
+    /// The pipelines of the chunks of a class, for [`Bins::draw`]: of an entry point that reads the camera, the splats, the
+    /// lists and `own` in groups 0 to 3, with constants that depend on whether the chunk is the first and the last.
+    pub fn pipelines<const N: usize>(
+        &self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        class: usize,
+        (shader, entry): (&str, &str),
+        own: &wgpu::BindGroupLayout,
+        constants: impl Fn([bool; 2]) -> [(&'static str, f64); N],
+    ) -> Vec<wgpu::ComputePipeline> {
+        let count = self.classes[class].len();
+        let splats = splat_buffers::layout(gpu);
+        let pipeline = |(i, chunk): (usize, &Chunk)| {
+            let constants = constants([i == 0, i + 1 == count]);
+            let constants = [&camera.constants()[..], &constants].concat();
+            let layouts = [&camera.layout, &splats, &chunk.bands[0].read.layout, own];
+            gpu::compute_pipeline(gpu, shader, entry, &layouts, &constants)
+        };
+        self.classes[class].iter().enumerate().map(pipeline).collect()
     }
 
     /// The state that chunks hand over: `texture_storage_2d_array<r32uint, read_write>`.
-    pub fn state(&self) -> wgpu::TextureView {
-        gpu::array_view(&self.state)
-    }
-
-    /// Starts with the empty images of a view of `size` pixels.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
-        self.filled = [(); 2].map(|()| create_filled(gpu, size));
-    }
-
-    /// Takes the buffers of another view, which is drawn before.
-    pub fn share(&mut self, other: &Self) {
-        (self.state, self.filled) = (other.state.clone(), other.filled.clone());
-        for (own, other) in self.classes.iter_mut().zip(&other.classes) {
-            // [`Bins::prepare`] keeps the buffers.
-            *own = other.clone();
-        }
-    }
-
-    /// Allocates the lists of a view of `size` pixels, of splats up to `swell` times as large. `summed` keeps a state
-    /// from one class to the other.
-    pub fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        camera: &CameraUniform,
-        classes: [Listed<'_>; 2],
-        swell: f32,
-        summed: bool,
-    ) {
-        let size = camera.size.as_uvec2();
-        let images = self.classes.iter_mut().zip(&self.filled);
-        for ((chunks, filled), Listed { splats, buffers }) in images.zip(classes) {
-            let mut old = std::mem::take(chunks).into_iter().map(|chunk| chunk.buffers);
-            let mut rest = splats;
-            for bound in buffers.chunks() {
-                let (splats, others) = rest.split_at((bound.count as usize).min(rest.len()));
-                rest = others;
-                let lanes = match self.grain {
-                    Grain::Pixel if bound.count < MANY => LANES,
-                    _ => 1,
-                };
-                let tiles = size.map(|n| n.div_ceil(TILE)).to_array();
-                let params =
-                    Params { splats: bound.count, lanes, tiles, swell, ..Zeroable::zeroed() };
-                let most = most_entries(splats, camera, swell);
-                let old = old.next();
-                let chunk = self.layouts.new_chunk(gpu, params, most, old.as_ref(), filled);
-                chunks.push(chunk);
-            }
-        }
-        for ends in self.ends() {
-            let scan = || self.layouts.scan_pipeline(gpu, "scan", ends);
-            self.pipelines.scan.entry(ends).or_insert_with(scan);
-        }
-        let handed_over = summed || self.classes.iter().any(|chunks| chunks.len() > 1);
-        let wanted = if handed_over { size } else { UVec2::ONE };
-        if (self.state.width(), self.state.height()) != (wanted.x, wanted.y) {
-            self.state = create_state(gpu, wanted);
-        }
+    pub fn state(&self) -> &wgpu::TextureView {
+        &self.state
     }
 
     /// Records the lists of a class.
-    pub fn record(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        camera: &CameraBinding,
-        class: usize,
-        splats: &SplatBuffers,
-        span: Span<'_>,
-    ) {
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, class: usize, span: Span<'_>) {
         for chunk in &self.classes[class] {
             let Buffers { large, busy, emptied, .. } = &chunk.buffers;
             for list in [large, busy, emptied] {
                 encoder.clear_buffer(list, 0, Some(4));
             }
         }
-        let last = self.classes[class].len() - 1;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("bins"),
             timestamp_writes: span.compute(),
         });
-        for (i, (chunk, bound)) in self.classes[class].iter().zip(splats.chunks()).enumerate() {
+        for chunk in &self.classes[class] {
             let [x, y] = chunk.params.tiles;
             let blocks = (x * y).div_ceil(BLOCK);
-            pass.set_bind_group(0, &camera.group, &[]);
-            pass.set_bind_group(1, &bound.group, &[]);
-            pass.set_bind_group(2, &chunk.project, &[]);
+            pass.set_bind_group(0, &self.camera, &[]);
+            pass.set_bind_group(1, &chunk.splats, &[]);
+            pass.set_bind_group(2, &chunk.project.group, &[]);
             pass.set_pipeline(&self.pipelines.project);
             gpu::dispatch(&mut pass, chunk.groups());
             pass.set_pipeline(&self.pipelines.count_large);
-            pass.dispatch_workgroups(self.large_groups(chunk), 1, 1);
-            pass.set_bind_group(0, &chunk.scan, &[]);
+            pass.dispatch_workgroups(chunk.large_groups, 1, 1);
+            pass.set_bind_group(0, &chunk.scan.group, &[]);
             pass.set_pipeline(&self.pipelines.sum);
             gpu::dispatch(&mut pass, blocks);
-            pass.set_pipeline(&self.pipelines.scan[&[i == 0, i == last]]);
+            pass.set_pipeline(&chunk.scan_pipeline);
             gpu::dispatch(&mut pass, blocks);
             pass.set_pipeline(&self.pipelines.arrange);
             pass.dispatch_workgroups(1, 1, 1);
-            pass.set_bind_group(0, &camera.group, &[]);
+            pass.set_bind_group(0, &self.camera, &[]);
             if let [whole] = &chunk.bands[..] {
                 self.fill(&mut pass, chunk, whole);
             }
@@ -327,32 +279,23 @@ impl Bins {
     }
 
     fn fill(&self, pass: &mut wgpu::ComputePass<'_>, chunk: &Chunk, band: &Band) {
-        pass.set_bind_group(2, &band.fill, &[]);
+        pass.set_bind_group(2, &band.fill.group, &[]);
         pass.set_pipeline(&self.pipelines.fill);
         gpu::dispatch(pass, chunk.groups());
         pass.set_pipeline(&self.pipelines.fill_large);
-        pass.dispatch_workgroups(self.large_groups(chunk), 1, 1);
+        pass.dispatch_workgroups(chunk.large_groups, 1, 1);
     }
 
-    /// Workgroups among which large splats are divided.
-    fn large_groups(&self, chunk: &Chunk) -> u32 {
-        let most = match self.grain {
-            Grain::Pixel => 256,
-            Grain::Column => 8,
-        };
-        chunk.params.splats.clamp(1, most)
-    }
-
-    /// Records a compute pass over each part of a class, whose lists are made by [`Bins::record`]: `draw` sets the
-    /// pipeline and group 3 and dispatches, with the arguments in the buffer for a workgroup for each tile with splats.
+    /// Records a compute pass over each chunk and band of a class, whose lists are made by [`Bins::record`], with the
+    /// chunks' `pipelines`: `draw` sets group 3 and dispatches, with the arguments in the buffer for a workgroup for each
+    /// tile with splats.
     pub fn draw(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        camera: &CameraBinding,
         class: usize,
-        splats: &SplatBuffers,
+        pipelines: &[wgpu::ComputePipeline],
         span: Span<'_>,
-        mut draw: impl FnMut(&mut wgpu::ComputePass<'_>, Part, &wgpu::Buffer),
+        mut draw: impl FnMut(&mut wgpu::ComputePass<'_>, &wgpu::Buffer),
     ) {
         let chunks = &self.classes[class];
         for chunk in chunks.iter().filter(|chunk| chunk.bands.len() > 1) {
@@ -362,135 +305,50 @@ impl Bins {
             label: Some("tiles of splats"),
             timestamp_writes: span.compute(),
         });
-        pass.set_bind_group(0, &camera.group, &[]);
-        for (i, (chunk, bound)) in chunks.iter().zip(splats.chunks()).enumerate() {
+        pass.set_bind_group(0, &self.camera, &[]);
+        for (chunk, pipeline) in chunks.iter().zip(pipelines) {
             for band in &chunk.bands {
-                pass.set_bind_group(1, &bound.group, &[]);
+                pass.set_bind_group(1, &chunk.splats, &[]);
                 if chunk.bands.len() > 1 {
                     self.fill(&mut pass, chunk, band);
                 }
-                pass.set_bind_group(2, &band.read, &[]);
-                let part = Part { first: i == 0, last: i + 1 == chunks.len() };
-                draw(&mut pass, part, &chunk.buffers.dispatches);
+                pass.set_bind_group(2, &band.read.group, &[]);
+                pass.set_pipeline(pipeline);
+                draw(&mut pass, &chunk.buffers.dispatches);
             }
         }
     }
 }
 
-impl Layouts {
-    fn new(gpu: &Gpu) -> Self {
-        let layout = |label: &str, bindings: &[wgpu::BindingType]| {
-            gpu.layout(label, wgpu::ShaderStages::COMPUTE, bindings)
+impl Pipelines {
+    /// For the chunks of a view, whose bindings have the same types.
+    fn new(gpu: &Gpu, camera: &CameraBinding, chunk: &Chunk) -> Self {
+        let splats = splat_buffers::layout(gpu);
+        let (project, fill) = (&chunk.project.layout, &chunk.bands[0].fill.layout);
+        let pipeline = |shader: &str, entry: &str, own| {
+            let layouts = [&camera.layout, &splats, own];
+            let constants = if own == project { &camera.constants()[..] } else { &[] };
+            gpu::compute_pipeline(gpu, shader, entry, &layouts, constants)
         };
-        let (params, written) = (gpu.branching::<Params>(), gpu::storage_read_write);
-        let (word, pair, rect, placed) = (4, 8, 16, PLACED);
-        let read = gpu::storage_of;
+        let scan = |entry: &str| {
+            let constants = [("FIRST", 1.0), ("LAST", 1.0)];
+            gpu::compute_pipeline(gpu, "bins/scan.wgsl", entry, &[&chunk.scan.layout], &constants)
+        };
         Self {
-            project: layout(
-                "projected splats",
-                &[params, written(placed), written(rect), written(word), written(pair)],
-            ),
-            scan: layout(
-                "scanned bins",
-                &[
-                    written(word),
-                    written(pair),
-                    written(pair),
-                    written(word),
-                    written(pair),
-                    written(pair),
-                    written(word),
-                    written(32),
-                ],
-            ),
-            fill: layout(
-                "filled bins",
-                &[params, read(rect), read(pair), written(pair), written(word), read(pair)],
-            ),
-            read: layout(
-                "bins",
-                &[params, read(placed), read(pair), read(pair), read(word), read(pair)],
-            ),
+            project: pipeline("bins/project.wgsl", "project", project),
+            count_large: pipeline("bins/project.wgsl", "count_large", project),
+            sum: scan("sum"),
+            arrange: scan("arrange"),
+            fill: pipeline("bins/fill.wgsl", "fill", fill),
+            fill_large: pipeline("bins/fill.wgsl", "fill_large", fill),
         }
     }
+}
 
-    fn scan_pipeline(&self, gpu: &Gpu, entry: &str, ends: [bool; 2]) -> wgpu::ComputePipeline {
-        let [first, last] = ends.map(|end| f64::from(u8::from(end)));
-        let constants = [("FIRST", first), ("LAST", last)];
-        gpu::compute_pipeline(gpu, "bins/scan.wgsl", entry, &[&self.scan], &constants)
-    }
-
-    /// A chunk in these buffers.
-    fn of_buffers(
-        &self,
-        gpu: &Gpu,
-        params: Params,
-        bands: u32,
-        buffers: Buffers,
-        filled: &wgpu::Buffer,
-    ) -> Chunk {
-        let group = gpu::bind_group;
-        let [x, y] = params.tiles;
-        let tiles = u64::from(x * y);
-        let Buffers { placed, rects, counts, starts, cursors, list, large, blocks, .. } = &buffers;
-        let counts = gpu::first_bytes(counts, 4 * tiles);
-        let starts = gpu::first_bytes(starts, 4 * (tiles + 1));
-        let cursors = gpu::first_bytes(cursors, 8 * tiles);
-        let blocks = gpu::first_bytes(blocks, 4 * tiles.div_ceil(BLOCK.into()));
-        let uniform =
-            |band: u32| gpu::buffer_with(gpu, "bins", gpu::UNIFORM, &[Params { band, ..params }]);
-        let first = uniform(0);
-        let whole = wgpu::Buffer::as_entire_binding;
-        let project = [whole(&first), whole(placed), whole(rects), counts.clone(), whole(large)];
-        let scan = [
-            counts,
-            starts.clone(),
-            cursors.clone(),
-            blocks,
-            whole(&buffers.busy),
-            whole(&buffers.emptied),
-            whole(filled),
-            whole(&buffers.dispatches),
-        ];
-        let bands = (0..bands).map(|band| {
-            let uniform = uniform(band);
-            let fill = [
-                whole(&uniform),
-                whole(rects),
-                starts.clone(),
-                cursors.clone(),
-                whole(list),
-                whole(large),
-            ];
-            let read = [
-                whole(&uniform),
-                whole(placed),
-                starts.clone(),
-                cursors.clone(),
-                whole(list),
-                whole(&buffers.busy),
-            ];
-            Band {
-                fill: group(gpu, "filled bins", &self.fill, &fill),
-                read: group(gpu, "bins", &self.read, &read),
-            }
-        });
-        let bands = bands.collect();
-        let project = group(gpu, "projected splats", &self.project, &project);
-        let scan = group(gpu, "scanned bins", &self.scan, &scan);
-        Chunk { params, buffers, project, scan, bands }
-    }
-
-    /// The chunk of these splats, whose lists have `most` entries at most, in the buffers of another where they are
-    /// large enough.
-    fn new_chunk(
-        &self,
-        gpu: &Gpu,
-        params: Params,
-        most: u64,
-        old: Option<&Buffers>,
-        filled: &wgpu::Buffer,
-    ) -> Chunk {
+impl Buffers {
+    /// For lists of `most` entries at most, with the parameters and the number of bands that fit them: those of another
+    /// frame where they are large enough.
+    fn new(gpu: &Gpu, params: Params, most: u64, old: Option<&Self>) -> (Self, Params, u32) {
         let limits = gpu.device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let splats = u64::from(params.splats.max(1));
@@ -520,7 +378,7 @@ impl Layouts {
                 })
             }
         };
-        let buffers = Buffers {
+        let buffers = Self {
             placed: buffer("placed splats", old.map(|old| &old.placed), PLACED * splats),
             rects: buffer("rectangles", old.map(|old| &old.rects), 16 * splats),
             counts: buffer("counts", old.map(|old| &old.counts), 4 * tiles),
@@ -534,19 +392,97 @@ impl Layouts {
             dispatches: buffer("dispatches", old.map(|old| &old.dispatches), 32),
         };
         let params = Params { entries: entries.min(u32::MAX.into()) as u32, ..params };
-        self.of_buffers(gpu, params, bands as u32, buffers, filled)
+        (buffers, params, bands as u32)
     }
 }
 
-/// Bytes of a `ViewSplat`.
-const PLACED: u64 = 48;
-
 impl Chunk {
+    /// The chunk of the splats `bound`, in these buffers. `ends`: whether it is the first and the last.
+    fn new(
+        gpu: &Gpu,
+        bound: &splat_buffers::Chunk,
+        (buffers, params, bands): (Buffers, Params, u32),
+        filled: &wgpu::Buffer,
+        ends: [bool; 2],
+    ) -> Self {
+        let [x, y] = params.tiles;
+        let tiles = u64::from(x * y);
+        let Buffers { placed, rects, large, list, busy, .. } = &buffers;
+        let whole = wgpu::Buffer::as_entire_binding;
+        let (read, written) = (gpu::storage_of, gpu::storage_read_write);
+        let (word, pair, rect) = (4, 8, 16);
+        let counts = gpu::first_bytes(&buffers.counts, 4 * tiles);
+        let starts = gpu::first_bytes(&buffers.starts, 4 * (tiles + 1));
+        let cursors = gpu::first_bytes(&buffers.cursors, 8 * tiles);
+        let blocks = gpu::first_bytes(&buffers.blocks, 4 * tiles.div_ceil(BLOCK.into()));
+        let uniform =
+            |band: u32| gpu::buffer_with(gpu, "bins", gpu::UNIFORM, &[Params { band, ..params }]);
+        let of_params = gpu.branching::<Params>();
+        let first = uniform(0);
+        let project = [
+            (of_params, whole(&first)),
+            (written(PLACED), whole(placed)),
+            (written(rect), whole(rects)),
+            (written(word), counts.clone()),
+            (written(pair), whole(large)),
+        ];
+        let scan = [
+            (written(word), counts),
+            (written(pair), starts.clone()),
+            (written(pair), cursors.clone()),
+            (written(word), blocks),
+            (written(pair), whole(busy)),
+            (written(pair), whole(&buffers.emptied)),
+            (written(word), whole(filled)),
+            (written(32), whole(&buffers.dispatches)),
+        ];
+        let project = gpu::bind(gpu, "projected splats", &project);
+        let scan = gpu::bind(gpu, "scanned bins", &scan);
+        let bands = (0..bands).map(|band| {
+            let uniform = uniform(band);
+            let fill = [
+                (of_params, whole(&uniform)),
+                (read(rect), whole(rects)),
+                (read(pair), starts.clone()),
+                (written(pair), cursors.clone()),
+                (written(word), whole(list)),
+                (read(pair), whole(large)),
+            ];
+            let lists = [
+                (of_params, whole(&uniform)),
+                (read(PLACED), whole(placed)),
+                (read(pair), starts.clone()),
+                (read(pair), cursors.clone()),
+                (read(word), whole(list)),
+                (read(pair), whole(busy)),
+            ];
+            Band {
+                fill: gpu::bind(gpu, "filled bins", &fill),
+                read: gpu::bind(gpu, "bins", &lists),
+            }
+        });
+        let bands = bands.collect();
+        let [first, last] = ends.map(|end| f64::from(u8::from(end)));
+        let constants = [("FIRST", first), ("LAST", last)];
+        let scan_pipeline =
+            gpu::compute_pipeline(gpu, "bins/scan.wgsl", "scan", &[&scan.layout], &constants);
+        let most_groups = match gpu.grain() {
+            Grain::Pixel => 256,
+            Grain::Column => 8,
+        };
+        let large_groups = params.splats.clamp(1, most_groups);
+        let splats = bound.group.clone();
+        Self { params, buffers, splats, project, scan, bands, scan_pipeline, large_groups }
+    }
+
     /// Workgroups that project and list its splats.
     fn groups(&self) -> u32 {
         (self.params.splats * self.params.lanes).div_ceil(THREADS)
     }
 }
+
+/// Bytes of a `ViewSplat`.
+const PLACED: u64 = 48;
 
 fn create_filled(gpu: &Gpu, size: UVec2) -> wgpu::Buffer {
     let tiles = size.map(|n| n.div_ceil(TILE)).element_product();

@@ -65,11 +65,11 @@ impl Bounds {
         });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &eye.camera.group, &[]);
-        let tiles = &eye.tiles.lists;
+        let tiles = &eye.images.tiles;
         for section in tiles.sections() {
             let resources = [
                 wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-                wgpu::BindingResource::TextureView(&eye.splat.splash.view),
+                wgpu::BindingResource::TextureView(&eye.images.splat.splash.view),
                 tiles.section(&tiles.liquid, section),
                 tiles.section(&tiles.background, section),
                 wgpu::BindingResource::TextureView(&self.view),

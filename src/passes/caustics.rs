@@ -16,8 +16,6 @@
 //!   hardware.
 //! - `straight`: no refraction, but the light loses what the liquid reflects and absorbs.
 
-use std::collections::HashMap;
-
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2};
 use wgpu::TextureViewDimension::D2;
@@ -124,7 +122,7 @@ const LANDING: u64 = 48;
 const LIGHT_SUMS: u64 = 24;
 
 /// Specialisation of the pipelines.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy)]
 struct Key {
     variant: Variant,
     scene: SceneVariant,
@@ -135,6 +133,8 @@ struct Key {
 struct Pipelines {
     tracing: MethodPipelines,
     resolve: wgpu::ComputePipeline,
+    /// Horizontal, then vertical.
+    blur: [wgpu::ComputePipeline; 2],
 }
 
 /// Kernels that a method runs before its map is resolved, in order.
@@ -153,14 +153,19 @@ enum MethodPipelines {
     },
 }
 
-/// Draws the maps of lights whose views share a projection.
+/// Memory of the maps' kernels, kept from frame to frame. Maps of one shape, which are drawn one after the other, share
+/// it.
+#[derive(Debug, Default)]
+pub struct CausticBuffers {
+    shapes: Vec<Buffers>,
+}
+
+/// Draws the map of a light.
 #[derive(Debug)]
 pub struct Caustics {
-    pipelines: HashMap<Key, Pipelines>,
-    /// Horizontal, then vertical.
-    blur: [wgpu::ComputePipeline; 2],
+    pipelines: Pipelines,
     layouts: Layouts,
-    buffers: Option<Buffers>,
+    buffers: Buffers,
 }
 
 #[derive(Debug)]
@@ -196,12 +201,9 @@ pub struct Inputs<'a> {
     pub scene: &'a SceneBinding,
     pub aggregate: &'a Layers,
     pub splash: Option<&'a Layers>,
-    /// Gaps in the layers.
-    pub gaps: u32,
     pub gbuffer: &'a GBufferImages,
     /// The mixture, if the fluids differ in absorption.
     pub mixture: Option<&'a wgpu::TextureView>,
-    pub method: Method,
     pub params: &'a Params,
 }
 
@@ -226,13 +228,12 @@ pub struct Output<'a> {
     pub layer: u32,
 }
 
-impl Caustics {
-    /// Creates the layouts; pipelines are compiled on first use.
-    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+impl Layouts {
+    fn new(gpu: &Gpu) -> Self {
         let compute = wgpu::ShaderStages::COMPUTE;
         let params = || gpu.branching::<Params>();
         let (planes, write) = (gpu::sampled(D2), gpu::storage_texture(Layers::FORMAT, D2));
-        let layouts = Layouts {
+        Self {
             inputs: gpu.layout(
                 "light view",
                 compute,
@@ -274,38 +275,103 @@ impl Caustics {
                 &[params(), gpu::storage_of(LIGHT_SUMS), planes, write, write],
             ),
             blur: gpu.layout("caustic blur", compute, &[params(), planes, planes, write]),
-        };
-        let constants = camera.constants();
-        let pipeline = |file, entry, layout: &wgpu::BindGroupLayout, constants: &[(&str, f64)]| {
-            gpu::compute_pipeline(gpu, file, entry, &[&camera.layout, layout], constants)
-        };
-        let blur = [0.0, 1.0].map(|down| {
-            let constants = [&constants[..], &[("DOWN", down)]].concat();
-            pipeline("caustics/blur.wgsl", "blur", &layouts.blur, &constants)
-        });
-        Self { pipelines: HashMap::new(), blur, layouts, buffers: None }
-    }
-
-    /// As [`super::splat::Splat::share`], unless the other map is of another shape.
-    pub fn share(&mut self, other: &Self) {
-        let Some(theirs) = &other.buffers else { return };
-        if self.buffers.as_ref().is_none_or(|own| own.shape() == theirs.shape()) {
-            self.buffers = Some(theirs.clone());
         }
     }
+}
 
-    /// Allocates the buffers for a view's map and compiles missing pipelines.
+impl Pipelines {
+    fn new(
+        gpu: &Gpu,
+        layouts: &Layouts,
+        camera: &CameraBinding,
+        bound: &SceneBinding,
+        key: Key,
+    ) -> Self {
+        let pipeline = |file: &str, entry: &str, layout, constants: &[(&'static str, f64)]| {
+            let intersector = gpu::shader::Variant::of(key.variant.shader());
+            let module = gpu::shader::module(gpu, file, intersector);
+            let all = [
+                &key.variant.constants()[..],
+                &key.scene.constants(),
+                &camera.constants(),
+                constants,
+            ];
+            let groups = [&camera.layout, &layouts.inputs, &bound.layout, layout];
+            gpu::module_pipeline(gpu, file, &module, entry, &groups, &all.concat())
+        };
+        let method = [("METHOD", f64::from(key.method as u32))];
+        let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);
+        let tracing = || match key.method {
+            Method::Straight => MethodPipelines::Straight,
+            Method::Forward => {
+                let trace =
+                    || pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]);
+                let deposit = |entry: &str, sharing: &[(&'static str, f64)]| {
+                    let groups = [&camera.layout, &layouts.deposit, &bound.layout];
+                    let constants =
+                        [&key.scene.constants()[..], &camera.constants(), sharing].concat();
+                    let file = "caustics/deposit.wgsl";
+                    gpu::compute_pipeline(gpu, file, entry, &groups, &constants)
+                };
+                let (groups, lanes) = large_groups(gpu);
+                let sharing = [("GROUPS", f64::from(groups)), ("LANES", f64::from(lanes))];
+                let (trace, (grid, (deposit, deposit_large))) = rayon::join(trace, || {
+                    rayon::join(grid, || {
+                        rayon::join(
+                            || deposit("deposit", &[]),
+                            || deposit("deposit_large", &sharing),
+                        )
+                    })
+                });
+                MethodPipelines::Forward { grid, trace, deposit, deposit_large }
+            }
+            Method::Gather => {
+                let walk = || pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]);
+                let (walk, grid) = rayon::join(walk, grid);
+                MethodPipelines::Gather { grid, walk }
+            }
+        };
+        let resolve = || pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method);
+        let blur = |down: f64| {
+            let groups = [&camera.layout, &layouts.blur];
+            let constants = [&camera.constants()[..], &[("DOWN", down)]].concat();
+            gpu::compute_pipeline(gpu, "caustics/blur.wgsl", "blur", &groups, &constants)
+        };
+        let (tracing, resolve) = rayon::join(tracing, resolve);
+        Self { tracing, resolve, blur: [0.0, 1.0].map(blur) }
+    }
+}
+
+impl CausticBuffers {
+    /// Those of a shape; created if there are none.
+    fn of_shape(&mut self, gpu: &Gpu, size: UVec2, cells: UVec2, blur: bool) -> Buffers {
+        let shape = (size, cells, blur);
+        if let Some(kept) = self.shapes.iter().find(|buffers| buffers.shape() == shape) {
+            return kept.clone();
+        }
+        self.shapes.push(Buffers::new(gpu, size, cells, blur));
+        self.shapes[self.shapes.len() - 1].clone()
+    }
+
+    /// Frees all but those of these maps.
+    pub fn keep(&mut self, maps: &[&Caustics]) {
+        self.shapes.retain(|own| maps.iter().any(|map| map.buffers.shape() == own.shape()));
+    }
+}
+
+impl Caustics {
+    /// Prepares the map of a view: chooses its buffers and compiles missing pipelines.
     ///
     /// # Errors
     /// [`Error::Limit`] for a map or a grid that the adapter cannot hold.
     pub fn prepare(
-        &mut self,
         gpu: &Gpu,
         camera: &CameraBinding,
         bound: &SceneBinding,
         scene: &Scene,
         config: MapConfig<'_>,
-    ) -> Result<()> {
+        kept: &mut CausticBuffers,
+    ) -> Result<Self> {
         let MapConfig { settings, splash, gaps, size } = config;
         let cells = match settings.method {
             Method::Straight => UVec2::ONE,
@@ -328,64 +394,11 @@ impl Caustics {
                 return Err(Error::Limit { adapter: gpu.adapter(), problem, of });
             }
         }
-        let blur = settings.blur > 0.0;
-        let shape = (size, cells, blur);
-        if self.buffers.as_ref().is_none_or(|buffers| buffers.shape() != shape) {
-            self.buffers = Some(Buffers::new(gpu, size, cells, blur));
-        }
+        let buffers = kept.of_shape(gpu, size, cells, settings.blur > 0.0);
         let key = Key::new(scene, bound, settings.method, (splash, gaps));
-        let layouts = &self.layouts;
-        self.pipelines.entry(key).or_insert_with(|| {
-            let pipeline = |file: &str, entry: &str, layout, constants: &[(&'static str, f64)]| {
-                let intersector = gpu::shader::Variant::of(key.variant.shader());
-                let module = gpu::shader::module(gpu, file, intersector);
-                let all = [
-                    &key.variant.constants()[..],
-                    &key.scene.constants(),
-                    &camera.constants(),
-                    constants,
-                ];
-                let groups = [&camera.layout, &layouts.inputs, &bound.layout, layout];
-                gpu::module_pipeline(gpu, file, &module, entry, &groups, &all.concat())
-            };
-            let method = [("METHOD", f64::from(key.method as u32))];
-            let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);
-            let tracing = || match key.method {
-                Method::Straight => MethodPipelines::Straight,
-                Method::Forward => {
-                    let trace =
-                        || pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]);
-                    let deposit = |entry: &str, sharing: &[(&'static str, f64)]| {
-                        let groups = [&camera.layout, &layouts.deposit, &bound.layout];
-                        let constants =
-                            [&key.scene.constants()[..], &camera.constants(), sharing].concat();
-                        let file = "caustics/deposit.wgsl";
-                        gpu::compute_pipeline(gpu, file, entry, &groups, &constants)
-                    };
-                    let (groups, lanes) = large_groups(gpu);
-                    let sharing = [("GROUPS", f64::from(groups)), ("LANES", f64::from(lanes))];
-                    let (trace, (grid, (deposit, deposit_large))) = rayon::join(trace, || {
-                        rayon::join(grid, || {
-                            rayon::join(
-                                || deposit("deposit", &[]),
-                                || deposit("deposit_large", &sharing),
-                            )
-                        })
-                    });
-                    MethodPipelines::Forward { grid, trace, deposit, deposit_large }
-                }
-                Method::Gather => {
-                    let walk = || pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]);
-                    let (walk, grid) = rayon::join(walk, grid);
-                    MethodPipelines::Gather { grid, walk }
-                }
-            };
-            let resolve =
-                || pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method);
-            let (tracing, resolve) = rayon::join(tracing, resolve);
-            Pipelines { tracing, resolve }
-        });
-        Ok(())
+        let layouts = Layouts::new(gpu);
+        let pipelines = Pipelines::new(gpu, &layouts, camera, bound, key);
+        Ok(Self { pipelines, layouts, buffers })
     }
 
     /// Records the map of a light whose view was passed to [`Caustics::prepare`].
@@ -398,11 +411,8 @@ impl Caustics {
         output: Output<'_>,
         span: Span<'_>,
     ) {
-        let Some(buffers) = &self.buffers else { return };
+        let Self { pipelines, buffers, .. } = self;
         let (gpu, params) = (commands.gpu, inputs.params);
-        let layers = (inputs.splash.is_some(), inputs.gaps);
-        let key = Key::new(scene, inputs.scene, inputs.method, layers);
-        let pipelines = &self.pipelines[&key];
         let uniform = |label: &str, bytes: &[u8]| gpu::buffer_with(gpu, label, gpu::UNIFORM, bytes);
         let refract = refract::Params::new(scene, &scene.settings.refract, radius);
         let refract = uniform("light view", bytemuck::bytes_of(&refract));
@@ -520,7 +530,9 @@ impl Caustics {
             work: work.resolve,
         });
         if let Some([unblurred, across]) = &blur {
-            for (blur, (from, to)) in self.blur.iter().zip([(unblurred, across), (across, &map)]) {
+            for (blur, (from, to)) in
+                pipelines.blur.iter().zip([(unblurred, across), (across, &map)])
+            {
                 let resources = vec![texture(from), texture(&planes), texture(to)];
                 let layout = &layouts.blur;
                 steps.push(Step {
@@ -555,8 +567,8 @@ impl Caustics {
     }
 
     /// Output of `gather` for the last light: irradiance and state.
-    pub fn gathered(&self) -> Option<&wgpu::Texture> {
-        self.buffers.as_ref().map(|buffers| &buffers.gathered)
+    pub fn gathered(&self) -> &wgpu::Texture {
+        &self.buffers.gathered
     }
 }
 

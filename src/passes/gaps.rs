@@ -6,17 +6,14 @@
 //! Data, 2015), runs of empty bins become splits, and the two sides of each split are splatted into
 //! further layers, in the tiles that have any.
 
-use std::collections::HashMap;
-
 use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::bins::Bins;
-use super::splat_buffers::{self, SplatBuffers};
-use super::tiles::{Sections, TileLists, Tiles};
+use super::tiles::{Arrange, Sections, TileLists};
 use super::{CameraBinding, Layers};
-use crate::gpu::{self, Gpu, Span, TILE};
+use crate::gpu::{self, Bound, Gpu, Span, TILE};
 use crate::liquid::classify::Splats;
 use crate::settings;
 
@@ -49,246 +46,44 @@ pub struct Params {
     pub least: f32,
 }
 
-/// Finds and draws the gaps of a view's layers.
-#[derive(Debug)]
-pub struct Gaps {
-    /// Output: of each tile the least and the greatest depth of a split, m, of the aggregates and then of the
-    /// splashes; 0 without any.
-    pub tiles: wgpu::Texture,
-    /// Output: the tiles with gaps, as their `liquid`.
-    pub tile_lists: TileLists,
-    layouts: Layouts,
-    pipelines: Pipelines,
-    variant: (u32, bool),
-    params: wgpu::Buffer,
-    cells: Cells,
-}
-
-#[derive(Debug)]
-struct Layouts {
-    mark: wgpu::BindGroupLayout,
-    split: wgpu::BindGroupLayout,
-    sides: wgpu::BindGroupLayout,
-}
-
-/// Compiled on first use.
-#[derive(Debug, Default)]
-struct Pipelines {
-    /// By whether the class has one chunk.
-    mark: HashMap<bool, wgpu::ComputePipeline>,
-    /// By the number of gaps and whether there are splashes.
-    split: HashMap<(u32, bool), wgpu::ComputePipeline>,
-    /// By the number of gaps, whether planes bear the sizes of their particles, and whether the chunk is the first and
-    /// the last.
-    sides: HashMap<(u32, bool, [bool; 2]), wgpu::ComputePipeline>,
-}
-
-/// Occupancy and splits of each class.
+/// The gaps of a view.
 #[derive(Debug, Clone)]
-struct Cells {
+pub struct GapImages {
+    /// Of each tile the least and the greatest depth of a split, m, of the aggregates and then of the splashes; 0
+    /// without any.
+    pub tiles: wgpu::Texture,
+    /// The tiles with gaps, as their `liquid`.
+    pub tile_lists: TileLists,
     size: UVec2,
+    /// Occupancy of the cells, by class.
     marks: [wgpu::Buffer; 2],
+    /// Splits of the cells, by class.
     splits: [wgpu::Texture; 2],
 }
 
-/// A class of splats and its layers.
-pub(super) type Class<'a> = (&'a SplatBuffers, &'a Layers);
-
-impl Gaps {
-    /// Creates the layouts; pipelines are compiled on first use.
-    pub fn new(gpu: &Gpu) -> Self {
-        let layout = |label: &str, bindings: &[wgpu::BindingType]| {
-            gpu.layout(label, wgpu::ShaderStages::COMPUTE, bindings)
-        };
-        let layers = gpu::sampled(D2Array);
-        let marks = gpu::storage_of(MARKS);
-        let written = gpu::storage_texture(wgpu::TextureFormat::Rgba32Float, D2);
-        let planes = gpu::storage_texture(Layers::FORMAT, D2Array);
-        let layouts = Layouts {
-            mark: layout("gap marks", &[gpu.layers(), gpu::storage_read_write(MARKS)]),
-            split: layout(
-                "gap splits",
-                &[
-                    layers,
-                    layers,
-                    marks,
-                    marks,
-                    written,
-                    written,
-                    written,
-                    gpu::storage_read_write(8),
-                    gpu::storage::<Sections>(),
-                    gpu::uniform::<Params>(),
-                ],
-            ),
-            sides: layout(
-                "gap sides",
-                &[gpu::sampled(D2), gpu::storage_of(8), planes, gpu::state_texture()],
-            ),
-        };
-        let sections = Sections { tiles: 1, words: 2, count: 1 };
-        Self {
-            tiles: create_tiles(gpu, UVec2::ONE),
-            tile_lists: TileLists::new(gpu, UVec2::ONE, sections),
-            layouts,
-            pipelines: Pipelines::default(),
-            variant: (0, false),
-            params: gpu::uniform_buffer::<Params>(gpu, "gaps"),
-            cells: Cells::new(gpu, UVec2::ONE),
-        }
-    }
-
-    /// Replaces the textures and the list of tiles.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, sections: Sections) {
-        self.tiles = create_tiles(gpu, size);
-        self.tile_lists = TileLists::new(gpu, size, sections);
-        self.cells = Cells::new(gpu, size);
-    }
-
-    /// As [`super::splat::Splat::share`].
-    pub fn share(&mut self, other: &Self) {
-        (self.tiles, self.tile_lists) = (other.tiles.clone(), other.tile_lists.clone());
-        self.cells = other.cells.clone();
-    }
-
-    /// Uploads the parameters for particles of `radius`, m, and compiles what is missing for `gaps` gaps and these
-    /// lists. `sizes`: planes bear the sizes of their particles.
-    pub fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        camera: &CameraBinding,
-        bins: &Bins,
-        gaps: u32,
-        radius: f32,
-        sizes: bool,
-    ) {
-        let params = Params { least: LEAST * radius };
-        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
-        self.variant = (gaps, sizes);
-        let on = |on: bool| f64::from(u8::from(on));
-        for splash in [false, true] {
-            self.pipelines.split.entry((gaps, splash)).or_insert_with(|| {
-                let constants = [("GAPS", gaps.into()), ("SPLASH", on(splash))];
-                let layouts = [&self.layouts.split];
-                gpu::compute_pipeline(gpu, "gaps/split.wgsl", "split", &layouts, &constants)
-            });
-        }
-        let splats = splat_buffers::layout(gpu);
-        let of_lists = |file: &str, entry: &str, own: &wgpu::BindGroupLayout, constants: &[_]| {
-            let layouts = [&camera.layout, &splats, bins.read_layout(), own];
-            let constants = [&camera.constants()[..], constants].concat();
-            gpu::compute_pipeline(gpu, file, entry, &layouts, &constants)
-        };
-        for ends in bins.ends() {
-            let first = ("FIRST", on(ends[0]));
-            let alone = ends == [true, true];
-            self.pipelines.mark.entry(alone).or_insert_with(|| {
-                let constants = [("ALONE", on(alone))];
-                of_lists("gaps/mark.wgsl", "mark", &self.layouts.mark, &constants)
-            });
-            self.pipelines.sides.entry((gaps, sizes, ends)).or_insert_with(|| {
-                let last = ("LAST", on(ends[1]));
-                let constants = [first, last, ("GAPS", gaps.into()), ("SIZES", on(sizes))];
-                of_lists("gaps/sides.wgsl", "sides", &self.layouts.sides, &constants)
-            });
-        }
-    }
-
-    /// Records the search for gaps, and the layers of their sides. `classes` are the aggregates and, if there are
-    /// any, the splashes; their lists are recorded before. Requires [`Gaps::prepare`].
-    pub fn record(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        (camera, bins): (&CameraBinding, &Bins),
-        tiles: &Tiles,
-        classes: &[Class<'_>],
-        span: Span<'_>,
-    ) {
-        for (class, (splats, layers)) in classes.iter().enumerate() {
-            let marks = self.cells.marks[class].as_entire_binding();
-            let resources = [texture(&layers.view), marks];
-            let group = gpu::bind_group(gpu, "gap marks", &self.layouts.mark, &resources);
-            let span = if class == 0 { span.first() } else { Span::default() };
-            let alone = !bins.is_divided(class);
-            if !alone {
-                encoder.clear_buffer(&self.cells.marks[class], 0, None);
-            }
-            bins.draw(encoder, camera, class, splats, span, |pass, _, tiles| {
-                pass.set_pipeline(&self.pipelines.mark[&alone]);
-                pass.set_bind_group(3, &group, &[]);
-                pass.dispatch_workgroups_indirect(tiles, 0);
-            });
-        }
-        let (gaps, sizes) = self.variant;
-        let layers = |i: usize| classes.get(i).unwrap_or(&classes[0]).1;
-        self.tile_lists.clear(encoder);
-        self.record_splits(gpu, encoder, [layers(0), layers(1)], classes.len() > 1);
-        tiles.arrange(gpu, encoder, &self.tile_lists, layers(0));
-        let state = bins.state();
-        for (class, (splats, layers)) in classes.iter().enumerate() {
-            let splits = self.cells.splits[class].create_view(&Default::default());
-            let planes = gpu::level_view(&layers.texture, 0, D2Array);
-            let groups: Vec<_> = self
-                .tile_lists
-                .sections()
-                .map(|section| {
-                    let tiles = self.tile_lists.section(&self.tile_lists.liquid, section);
-                    let resources = [texture(&splits), tiles, texture(&planes), texture(&state)];
-                    gpu::bind_group(gpu, "gap sides", &self.layouts.sides, &resources)
-                })
-                .collect();
-            let span = if class + 1 == classes.len() { span.last() } else { Span::default() };
-            bins.draw(encoder, camera, class, splats, span, |pass, part, _| {
-                let variant = (gaps, sizes, part.ends());
-                pass.set_pipeline(&self.pipelines.sides[&variant]);
-                for (section, group) in self.tile_lists.sections().zip(&groups) {
-                    pass.set_bind_group(3, group, &[]);
-                    let at = self.tile_lists.dispatch(TileLists::LIQUID, section);
-                    pass.dispatch_workgroups_indirect(&self.tile_lists.dispatches, at);
-                }
-            });
-        }
-    }
-
-    /// Records the choice of each cell's gaps, and the list of the tiles that have any.
-    fn record_splits(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        layers: [&Layers; 2],
-        splash: bool,
-    ) {
-        let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
-        let splits = self.cells.splits.each_ref().map(view);
-        let flags = view(&self.tiles);
-        let resources = [
-            texture(&layers[0].view),
-            texture(&layers[1].view),
-            self.cells.marks[0].as_entire_binding(),
-            self.cells.marks[1].as_entire_binding(),
-            texture(&splits[0]),
-            texture(&splits[1]),
-            texture(&flags),
-            self.tile_lists.liquid.as_entire_binding(),
-            self.tile_lists.sections_buffer().as_entire_binding(),
-            self.params.as_entire_binding(),
-        ];
-        let group = gpu::bind_group(gpu, "gap splits", &self.layouts.split, &resources);
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&self.pipelines.split[&(self.variant.0, splash)]);
-        pass.set_bind_group(0, &group, &[]);
-        let (x, y) = gpu::workgroups(self.cells.size.map(|n| n.div_ceil(TILE)));
-        pass.dispatch_workgroups(x, y, 1);
-    }
+/// Finds and draws the gaps of a view's layers.
+#[derive(Debug)]
+pub struct Gaps {
+    images: GapImages,
+    classes: Vec<Class>,
+    split: wgpu::ComputePipeline,
+    split_images: Bound,
+    arrange: Arrange,
 }
 
-fn texture(view: &wgpu::TextureView) -> wgpu::BindingResource<'_> {
-    wgpu::BindingResource::TextureView(view)
+/// The aggregates or the splashes. Pipelines are by chunk.
+#[derive(Debug)]
+struct Class {
+    mark: Vec<wgpu::ComputePipeline>,
+    marks: Bound,
+    sides: Vec<wgpu::ComputePipeline>,
+    /// By section of the tiles.
+    splits: Vec<Bound>,
 }
 
-impl Cells {
-    fn new(gpu: &Gpu, size: UVec2) -> Self {
+impl GapImages {
+    /// Creates the images of a view without gaps.
+    pub fn new(gpu: &Gpu, size: UVec2, sections: Sections) -> Self {
         let cells = size.map(|n| n.div_ceil(CELL));
         let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
         let marks = || {
@@ -299,10 +94,143 @@ impl Cells {
                 mapped_at_creation: false,
             })
         };
-        let format = wgpu::TextureFormat::Rgba32Float;
-        let splits = || gpu::texture(gpu, "gap splits", cells, 1, format, usage);
-        Self { size, marks: [marks(), marks()], splits: [splits(), splits()] }
+        let splits = || gpu::texture(gpu, "gap splits", cells, 1, SPLITS, usage);
+        Self {
+            tiles: create_tiles(gpu, size),
+            tile_lists: TileLists::new(gpu, size, sections),
+            size,
+            marks: [marks(), marks()],
+            splits: [splits(), splits()],
+        }
     }
+}
+
+impl Gaps {
+    /// Prepares the search for `gaps` gaps among particles of `radius`, m, in the layers of the aggregates and, if there
+    /// are any, the splashes. `sizes`: planes bear the sizes of their particles.
+    pub fn prepare(
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        bins: &Bins,
+        layers: &[&Layers],
+        images: &GapImages,
+        (gaps, sizes): (u32, bool),
+        radius: f32,
+    ) -> Self {
+        let on = |on: bool| f64::from(u8::from(on));
+        let class = |(class, layers): (usize, &&Layers)| {
+            let marks = images.marks[class].as_entire_binding();
+            let marked =
+                [(gpu.layers(), texture(&layers.view)), (gpu::storage_read_write(MARKS), marks)];
+            let marks = gpu::bind(gpu, "gap marks", &marked);
+            let alone = !bins.is_divided(class);
+            let kernel = ("gaps/mark.wgsl", "mark");
+            let constants = |_| [("ALONE", on(alone))];
+            let mark = bins.pipelines(gpu, camera, class, kernel, &marks.layout, constants);
+
+            let splits = images.splits[class].create_view(&Default::default());
+            let planes = gpu::level_view(&layers.texture, 0, D2Array);
+            let lists = &images.tile_lists;
+            let of_section = |section| {
+                let bindings = [
+                    (gpu::sampled(D2), texture(&splits)),
+                    (gpu::storage_of(8), lists.section(&lists.liquid, section)),
+                    (gpu::storage_texture(Layers::FORMAT, D2Array), texture(&planes)),
+                    (gpu::state_texture(), texture(bins.state())),
+                ];
+                gpu::bind(gpu, "gap sides", &bindings)
+            };
+            let splits: Vec<_> = lists.sections().map(of_section).collect();
+            let kernel = ("gaps/sides.wgsl", "sides");
+            let constants = |[first, last]: [bool; 2]| {
+                [
+                    ("FIRST", on(first)),
+                    ("LAST", on(last)),
+                    ("GAPS", gaps.into()),
+                    ("SIZES", on(sizes)),
+                ]
+            };
+            let sides = bins.pipelines(gpu, camera, class, kernel, &splits[0].layout, constants);
+            Class { mark, marks, sides, splits }
+        };
+        let classes = layers.iter().enumerate().map(class).collect();
+        let (first, second) = (layers[0], layers.get(1).unwrap_or(&layers[0]));
+        let split_images = bind_splits(gpu, images, [first, second], radius);
+        let constants = [("GAPS", gaps.into()), ("SPLASH", on(layers.len() > 1))];
+        let layouts = [&split_images.layout];
+        let split = gpu::compute_pipeline(gpu, "gaps/split.wgsl", "split", &layouts, &constants);
+        let arrange = Arrange::prepare(gpu, &images.tile_lists, first);
+        Self { images: images.clone(), classes, split, split_images, arrange }
+    }
+
+    /// Records the search for gaps, and the layers of their sides; the lists of all classes are recorded before.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, bins: &Bins, span: Span<'_>) {
+        for (i, class) in self.classes.iter().enumerate() {
+            if bins.is_divided(i) {
+                encoder.clear_buffer(&self.images.marks[i], 0, None);
+            }
+            let span = if i == 0 { span.first() } else { Span::default() };
+            bins.draw(encoder, i, &class.mark, span, |pass, tiles| {
+                pass.set_bind_group(3, &class.marks.group, &[]);
+                pass.dispatch_workgroups_indirect(tiles, 0);
+            });
+        }
+        let lists = &self.images.tile_lists;
+        lists.clear(encoder);
+        self.record_splits(encoder);
+        self.arrange.record(encoder);
+        for (i, class) in self.classes.iter().enumerate() {
+            let is_last = i + 1 == self.classes.len();
+            let span = if is_last { span.last() } else { Span::default() };
+            bins.draw(encoder, i, &class.sides, span, |pass, _| {
+                for (section, splits) in lists.sections().zip(&class.splits) {
+                    pass.set_bind_group(3, &splits.group, &[]);
+                    let at = lists.dispatch(TileLists::LIQUID, section);
+                    pass.dispatch_workgroups_indirect(&lists.dispatches, at);
+                }
+            });
+        }
+    }
+
+    /// Records the choice of each cell's gaps, and the list of the tiles that have any.
+    fn record_splits(&self, encoder: &mut wgpu::CommandEncoder) {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&self.split);
+        pass.set_bind_group(0, &self.split_images.group, &[]);
+        let (x, y) = gpu::workgroups(self.images.size.map(|n| n.div_ceil(TILE)));
+        pass.dispatch_workgroups(x, y, 1);
+    }
+}
+
+/// Group 0 of `gaps/split.wgsl`.
+fn bind_splits(gpu: &Gpu, images: &GapImages, layers: [&Layers; 2], radius: f32) -> Bound {
+    let params = Params { least: LEAST * radius };
+    let params = gpu::buffer_with(gpu, "gaps", gpu::UNIFORM, &[params]);
+    let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
+    let splits = images.splits.each_ref().map(view);
+    let flags = view(&images.tiles);
+    let lists = &images.tile_lists;
+    let (marks, written) = (gpu::storage_of(MARKS), gpu::storage_texture(SPLITS, D2));
+    let bindings = [
+        (gpu::sampled(D2Array), texture(&layers[0].view)),
+        (gpu::sampled(D2Array), texture(&layers[1].view)),
+        (marks, images.marks[0].as_entire_binding()),
+        (marks, images.marks[1].as_entire_binding()),
+        (written, texture(&splits[0])),
+        (written, texture(&splits[1])),
+        (written, texture(&flags)),
+        (gpu::storage_read_write(8), lists.liquid.as_entire_binding()),
+        (gpu::storage::<Sections>(), lists.sections_buffer().as_entire_binding()),
+        (gpu::uniform::<Params>(), params.as_entire_binding()),
+    ];
+    gpu::bind(gpu, "gap splits", &bindings)
+}
+
+/// Format of splits, by cell and by tile.
+const SPLITS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
+fn texture(view: &wgpu::TextureView) -> wgpu::BindingResource<'_> {
+    wgpu::BindingResource::TextureView(view)
 }
 
 /// Creates the image of the tiles with gaps of a view of `size` pixels: none have.
@@ -312,7 +240,7 @@ pub fn create_tiles(gpu: &Gpu, size: UVec2) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
-    gpu::texture(gpu, "gap tiles", tiles, 1, wgpu::TextureFormat::Rgba32Float, usage)
+    gpu::texture(gpu, "gap tiles", tiles, 1, SPLITS, usage)
 }
 
 #[cfg(test)]

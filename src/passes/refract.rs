@@ -381,16 +381,16 @@ impl Refract {
     ) {
         let gpu = commands.gpu;
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
-        let gbuffer = &eye.gbuffer.images;
+        let gbuffer = &eye.images.gbuffer;
         let (planes, surfaces) = (view(&gbuffer.planes), view(&gbuffer.surfaces));
         let [radiance, first_radiance, diagnostics] =
             [&self.radiance.texture, &self.first_radiance, &self.diagnostics].map(view);
-        let tiles = &eye.tiles.lists;
+        let tiles = &eye.images.tiles;
         let mips = variant.mips();
         let layers_of =
             |layers: &'_ Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
         let (aggregates, splashes) =
-            (layers_of(eye.aggregate_layers()), layers_of(&eye.splat.splash));
+            (layers_of(eye.aggregate_layers()), layers_of(&eye.images.splat.splash));
         let group = |target: &wgpu::TextureView,
                      seen: &wgpu::TextureView,
                      list: &wgpu::Buffer,
@@ -401,7 +401,7 @@ impl Refract {
                 wgpu::BindingResource::TextureView(&splashes),
                 wgpu::BindingResource::TextureView(&planes),
                 wgpu::BindingResource::TextureView(bounds.map_or(&planes, |bounds| &bounds.view)),
-                wgpu::BindingResource::TextureView(&eye.mixture.view),
+                wgpu::BindingResource::TextureView(&eye.images.mixture.view),
                 wgpu::BindingResource::TextureView(&surfaces),
                 wgpu::BindingResource::TextureView(target),
                 wgpu::BindingResource::TextureView(&diagnostics),
@@ -515,11 +515,11 @@ impl Structure {
         let splash = usize::from(eye.splash_layers().is_some());
         let pipeline = &self.find[usize::from(eye.camera.is_orthographic())][splash];
         let Some(pipeline) = pipeline else { return };
-        let tiles = &eye.tiles.lists;
+        let tiles = &eye.images.tiles;
         let resources = [
             self.params.as_entire_binding(),
             wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-            wgpu::BindingResource::TextureView(&eye.splat.splash.view),
+            wgpu::BindingResource::TextureView(&eye.images.splat.splash.view),
             wgpu::BindingResource::TextureView(radiance),
             tiles.section(&tiles.liquid, section),
         ];

@@ -1,15 +1,14 @@
 //! Smoothing of the aggregate layers: `shaders/smooth/`.
 
-use std::collections::HashMap;
-
 use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
+use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
-use super::gaps::Gaps;
+use super::gaps::GapImages;
 use super::tiles::{Filled, TileLists};
 use super::{CameraBinding, Layers};
-use crate::gpu::{self, Commands, Gpu, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Span};
 use crate::settings::{self, Filter};
 
 /// Parameters of one iteration, as in `smooth/iterate.wgsl`.
@@ -53,7 +52,7 @@ impl Params {
 }
 
 /// One specialisation of `iterate`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy)]
 struct Variant {
     filter: Filter,
     taps: u32,
@@ -79,59 +78,32 @@ impl Variant {
     }
 }
 
-/// Smooths a pair of layers.
-#[derive(Debug)]
-pub struct Smooth {
-    /// Output: smoothed planes.
+/// The smoothed layers of a view.
+#[derive(Debug, Clone)]
+pub struct SmoothImages {
+    /// Smoothed planes.
     pub layers: Layers,
-    prepare: wgpu::ComputePipeline,
-    iterate: HashMap<Variant, wgpu::ComputePipeline>,
-    /// By the number of gaps.
-    planes: HashMap<u32, wgpu::ComputePipeline>,
-    copy: HashMap<u32, wgpu::ComputePipeline>,
-    /// For each gap; compiled on first use.
-    gaps: Vec<GapPipelines>,
-    /// Whether planes bear the sizes of their particles.
-    sizes: bool,
-    /// Without and with backs.
-    blank: [wgpu::ComputePipeline; 2],
-    blank_layout: wgpu::BindGroupLayout,
-    /// Tiles of the layers and states.
-    filled: Filled,
-    layout: wgpu::BindGroupLayout,
     /// Normal and depth, written alternately.
     states: [Layers; 2],
-    splatted: Layers,
-    frame: Frame,
+    /// Tiles of the layers and states.
+    filled: Filled,
 }
 
-/// Constants of all kernels.
-fn constants_of(camera: &CameraBinding, sizes: bool) -> Vec<(&'static str, f64)> {
-    [&camera.constants()[..], &[("SIZES", f64::from(u8::from(sizes)))]].concat()
-}
-
-fn prepare_kernel(
-    gpu: &Gpu,
-    camera: &CameraBinding,
-    layout: &wgpu::BindGroupLayout,
-    sizes: bool,
-) -> wgpu::ComputePipeline {
-    let layouts = [&camera.layout, layout];
-    let constants = constants_of(camera, sizes);
-    gpu::compute_pipeline(gpu, "smooth/plane_fit.wgsl", "prepare", &layouts, &constants)
+/// Layers and tiles that the smoothing reads.
+#[derive(Debug, Clone, Copy)]
+pub struct Inputs<'a> {
+    /// Splatted layers of the aggregates; those of gaps are overwritten.
+    pub splatted: &'a Layers,
+    /// Layers of the splashes, if there are any.
+    pub splash: Option<&'a Layers>,
+    /// Tiles that liquid covers.
+    pub tiles: &'a TileLists,
+    /// Gaps of the layers.
+    pub gaps: &'a GapImages,
 }
 
 /// Iterations that smooth the sides of gaps, at most: they are seen through the liquid in front of them.
 const MOST_GAP_ITERATIONS: usize = 3;
-
-/// The kernels of a gap's sides.
-#[derive(Debug)]
-struct GapPipelines {
-    prepare: wgpu::ComputePipeline,
-    iterate: HashMap<Variant, wgpu::ComputePipeline>,
-    carry: wgpu::ComputePipeline,
-    planes: wgpu::ComputePipeline,
-}
 
 /// What the smoothing covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -144,321 +116,298 @@ pub struct Coverage {
     pub sizes: bool,
 }
 
-/// Configuration of one frame's smoothing.
+/// Smooths the layers of the aggregates, and the sides of their gaps.
 #[derive(Debug)]
-struct Frame {
-    variant: Variant,
-    iterations: Vec<Params>,
-    /// Backs are smoothed as well as fronts.
-    backs: bool,
-    /// Gaps that a pixel distinguishes.
-    gaps: u32,
-    /// Work of an iteration per pixel, in layer evaluations.
+pub struct Smooth {
+    camera: wgpu::BindGroup,
+    blank: wgpu::ComputePipeline,
+    /// By section of the tiles.
+    blanked: Vec<Bound>,
+    filled: Filled,
+    whole: Steps,
+    /// `None` without gaps.
+    gaps: Option<Steps>,
+}
+
+/// Kernels that run one after the other on the same tiles.
+#[derive(Debug)]
+struct Steps {
+    tiles: TileLists,
+    /// Which of the tiles' dispatches they run on.
+    covered: u64,
+    /// Each with its bindings by section of the tiles.
+    steps: Vec<(wgpu::ComputePipeline, Vec<Bound>)>,
+    /// Work of a step per pixel, in layer evaluations.
     work: u64,
 }
 
-impl Smooth {
-    /// Compiles the kernels that all filters share; a filter is compiled on first use. `splatted` is
-    /// the input.
-    pub fn new(gpu: &Gpu, camera: &CameraBinding, splatted: &Layers) -> Self {
-        let bindings = [
-            gpu::uniform::<Params>(),
-            gpu.layers(),
-            gpu::storage_texture(Layers::FORMAT, D2Array),
-            gpu::storage_texture(Layers::FORMAT, D2Array),
-            gpu.layers(),
-            gpu::storage_of(8),
-            gpu::sampled(D2),
-            gpu::sampled(D2Array),
-        ];
-        let layout = gpu.layout("smooth", wgpu::ShaderStages::COMPUTE, &bindings);
-        let written = gpu::storage_texture(Layers::FORMAT, D2Array);
-        let list = gpu::storage_of(8);
-        let blank_layout = gpu.layout(
-            "smooth blank",
-            wgpu::ShaderStages::COMPUTE,
-            &[
-                list,
-                list,
-                written,
-                written,
-                written,
-                gpu::storage_of(4),
-                gpu::storage_read_write(4),
-            ],
-        );
-        let (layers, states) = create_layers(gpu, splatted);
-        Self {
-            prepare: prepare_kernel(gpu, camera, &layout, false),
-            iterate: HashMap::new(),
-            planes: HashMap::new(),
-            copy: HashMap::new(),
-            gaps: Vec::new(),
-            sizes: false,
-            layers,
-            layout,
-            blank: [0.0, 1.0].map(|backs| {
-                let constants = [("BACKS", backs)];
-                let layouts = [&blank_layout];
-                gpu::compute_pipeline(gpu, "smooth/blank.wgsl", "blank", &layouts, &constants)
-            }),
-            blank_layout,
-            filled: Filled::new(gpu, UVec2::ONE),
-            states,
-            splatted: splatted.clone(),
-            frame: Frame {
-                variant: Variant::new(&settings::Smooth::default()),
-                iterations: Vec::new(),
-                backs: false,
-                gaps: 0,
-                work: 0,
-            },
-        }
-    }
-
-    /// Replaces the layers to match the size and mip levels of `splatted`.
-    pub fn resize(&mut self, gpu: &Gpu, splatted: &Layers) {
-        (self.layers, self.states) = create_layers(gpu, splatted);
-        self.splatted = splatted.clone();
+impl SmoothImages {
+    /// Creates layers of the size and mip levels of `splatted`, empty.
+    pub fn new(gpu: &Gpu, splatted: &Layers) -> Self {
         let size = UVec2::new(splatted.texture.width(), splatted.texture.height());
-        self.filled = Filled::new(gpu, size);
-    }
-
-    /// As [`super::splat::Splat::share`].
-    pub fn share(&mut self, other: &Self) {
-        (self.layers, self.states) = (other.layers.clone(), other.states.clone());
-        (self.splatted, self.filled) = (other.splatted.clone(), other.filled.clone());
-    }
-
-    /// Sets the frame's iterations and what they cover, and compiles the filter on first
-    /// use.
-    pub fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        camera: &CameraBinding,
-        settings: &settings::Smooth,
-        iterations: &[Params],
-        coverage: Coverage,
-    ) {
-        let Coverage { backs, gaps, sizes } = coverage;
-        if self.sizes != sizes {
-            self.prepare = prepare_kernel(gpu, camera, &self.layout, sizes);
-            self.iterate.clear();
-            self.planes.clear();
-            self.gaps.clear();
-            self.sizes = sizes;
+        let usage = wgpu::TextureUsages::STORAGE_BINDING
+            | wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::COPY_SRC;
+        let new =
+            |label: &str, layers, levels| Layers::new(gpu, label, size, layers, levels, usage);
+        let (all, levels) =
+            (splatted.texture.depth_or_array_layers(), splatted.texture.mip_level_count());
+        Self {
+            layers: new("smoothed layers", all, levels),
+            states: [new("smooth state 0", 2, 1), new("smooth state 1", 2, 1)],
+            filled: Filled::new(gpu, size),
         }
-        let layouts = [&camera.layout, &self.layout];
-        let sized = constants_of(camera, sizes);
-        let variant = Variant::new(settings);
-        let iterations = iterations.to_vec();
-        self.frame = Frame { variant, iterations, backs, gaps, work: work(settings) };
-        let counted = |entry: &str| {
-            let constants = [&sized[..], &[("GAPS", gaps.into())]].concat();
-            gpu::compute_pipeline(gpu, "smooth/plane_fit.wgsl", entry, &layouts, &constants)
-        };
-        if self.frame.iterations.is_empty() {
-            self.copy.entry(gaps).or_insert_with(|| counted("copy"));
-            return;
-        }
-        self.planes.entry(gaps).or_insert_with(|| counted("planes"));
-        self.iterate.entry(variant).or_insert_with(|| {
-            let constants = [&sized[..], &variant.constants()].concat();
-            gpu::compute_pipeline(gpu, variant.shader(), "iterate", &layouts, &constants)
-        });
-        for gap in 0..gaps {
-            let constants = [&sized[..], &[("GAP", gap.into())]].concat();
-            if self.gaps.len() == gap as usize {
-                let pipeline = |entry: &str| {
-                    let shader = "smooth/plane_fit.wgsl";
-                    gpu::compute_pipeline(gpu, shader, entry, &layouts, &constants)
-                };
-                self.gaps.push(GapPipelines {
-                    prepare: pipeline("prepare"),
-                    iterate: HashMap::new(),
-                    carry: pipeline("carry"),
-                    planes: pipeline("planes"),
-                });
-            }
-            self.gaps[gap as usize].iterate.entry(variant).or_insert_with(|| {
-                let constants = [&constants[..], &variant.constants()].concat();
-                gpu::compute_pipeline(gpu, variant.shader(), "iterate", &layouts, &constants)
-            });
-        }
-    }
-
-    /// Records the smoothing of the splatted layers into [`Smooth::layers`]; requires [`Smooth::prepare`]. Without
-    /// iterations it copies them, and flags texels with gaps. `splash` are the splashes' layers, if there are any.
-    pub fn record(
-        &self,
-        commands: &mut Commands<'_>,
-        camera: &CameraBinding,
-        tiles: &TileLists,
-        gaps: &Gaps,
-        splash: Option<&Layers>,
-        span: Span<'_>,
-    ) {
-        let gpu = commands.gpu;
-        let Frame { variant, iterations, backs, gaps: count, work } = &self.frame;
-        let planes = gpu::level_view(&self.layers.texture, 0, D2Array);
-        self.record_blank(commands, tiles, &planes, span.first());
-        let unused = Params::zeroed();
-        let steps = match iterations.last() {
-            None => vec![(&self.copy[count], &unused)],
-            Some(last) => {
-                let iterate = &self.iterate[variant];
-                let mut steps = vec![(&self.prepare, last)];
-                steps.extend(iterations.iter().map(|params| (iterate, params)));
-                steps.push((&self.planes[count], last));
-                steps
-            }
-        };
-        let flags = gaps.tiles.create_view(&Default::default());
-        let splash = splash.unwrap_or(&self.splatted);
-        // One buffer per iteration: a uniform written twice holds its last value for the whole frame.
-        let buffer = |params: &Params| gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
-        let steps = (0..).zip(steps).map(|(i, (pipeline, params))| (i, pipeline, buffer(params)));
-        let steps: Vec<(usize, &wgpu::ComputePipeline, wgpu::Buffer)> = steps.collect();
-        let work = tiles.pixels().saturating_mul(*work);
-        let of_step = |step| tiles.sections().map(move |section| ((step, section), work));
-        let parts: Vec<_> = steps.iter().flat_map(of_step).collect();
-        commands.compute(
-            "smooth",
-            span.last(),
-            &parts,
-            |pass, ((i, pipeline, params), section)| {
-                let resources = [
-                    params.as_entire_binding(),
-                    wgpu::BindingResource::TextureView(&self.states[(i + 1) % 2].view),
-                    wgpu::BindingResource::TextureView(&self.states[i % 2].view),
-                    wgpu::BindingResource::TextureView(&planes),
-                    wgpu::BindingResource::TextureView(&self.splatted.view),
-                    tiles.section(&tiles.liquid, *section),
-                    wgpu::BindingResource::TextureView(&flags),
-                    wgpu::BindingResource::TextureView(&splash.view),
-                ];
-                pass.set_pipeline(pipeline);
-                pass.set_bind_group(0, &camera.group, &[]);
-                pass.set_bind_group(
-                    1,
-                    &gpu::bind_group(gpu, "smooth", &self.layout, &resources),
-                    &[],
-                );
-                let covered = if *backs { TileLists::LIQUID_LAYERS } else { TileLists::LIQUID };
-                let at = tiles.dispatch(covered, *section);
-                pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
-            },
-        );
     }
 }
 
 impl Smooth {
+    /// Prepares these iterations. Without any, layers are copied, and texels with gaps flagged.
+    pub fn prepare(
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        inputs: Inputs<'_>,
+        images: &SmoothImages,
+        settings: &settings::Smooth,
+        iterations: &[Params],
+        coverage: Coverage,
+    ) -> Self {
+        let constants = [("BACKS", f64::from(u8::from(coverage.backs)))];
+        let blanked: Vec<_> = inputs
+            .tiles
+            .sections()
+            .map(|section| bind_blank(gpu, inputs.tiles, images, section))
+            .collect();
+        let layouts = [&blanked[0].layout];
+        let blank = gpu::compute_pipeline(gpu, "smooth/blank.wgsl", "blank", &layouts, &constants);
+        let kernels = Kernels { gpu, camera, settings, sizes: coverage.sizes };
+        let whole = whole_steps(kernels, inputs, images, iterations, coverage);
+        let gaps = (coverage.gaps > 0 && !iterations.is_empty())
+            .then(|| gap_steps(kernels, inputs, images, iterations, coverage.gaps));
+        let (camera, filled) = (camera.group.clone(), images.filled.clone());
+        Self { camera, blank, blanked, filled, whole, gaps }
+    }
+
+    /// Records the smoothing of the splatted layers.
+    pub fn record(&self, commands: &mut Commands<'_>, span: Span<'_>) {
+        self.record_blank(commands, span.first());
+        self.whole.record(commands, &self.camera, "smooth", span.last());
+    }
+
     /// Records the emptying of all that the steps do not write.
-    fn record_blank(
-        &self,
-        commands: &mut Commands<'_>,
-        tiles: &TileLists,
-        planes: &wgpu::TextureView,
-        span: Span<'_>,
-    ) {
+    fn record_blank(&self, commands: &mut Commands<'_>, span: Span<'_>) {
         let mut pass = commands.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("smooth blank"),
             timestamp_writes: span.compute(),
         });
-        pass.set_pipeline(&self.blank[usize::from(self.frame.backs)]);
-        for section in tiles.sections() {
-            let resources = [
-                tiles.section(&tiles.liquid, section),
-                tiles.section(&tiles.background, section),
-                wgpu::BindingResource::TextureView(&self.states[0].view),
-                wgpu::BindingResource::TextureView(&self.states[1].view),
-                wgpu::BindingResource::TextureView(planes),
-                self.filled.before.as_entire_binding(),
-                self.filled.now.as_entire_binding(),
-            ];
-            let group =
-                gpu::bind_group(commands.gpu, "smooth blank", &self.blank_layout, &resources);
-            pass.set_bind_group(0, &group, &[]);
-            gpu::dispatch(&mut pass, tiles.groups_of_eight());
+        pass.set_pipeline(&self.blank);
+        for bound in &self.blanked {
+            pass.set_bind_group(0, &bound.group, &[]);
+            gpu::dispatch(&mut pass, self.whole.tiles.groups_of_eight());
         }
         drop(pass);
         self.filled.end(commands.encoder);
     }
 
-    /// Records the smoothing of the sides of gaps, after [`Smooth::record`]. The splatted and the smoothed layers
-    /// hold its states by turns.
-    pub fn record_gaps(
+    /// Records the smoothing of the sides of gaps, after [`Smooth::record`].
+    pub fn record_gaps(&self, commands: &mut Commands<'_>, span: Span<'_>) {
+        if let Some(gaps) = &self.gaps {
+            gaps.record(commands, &self.camera, "smooth gaps", span);
+        }
+    }
+}
+
+impl Steps {
+    fn record(
         &self,
-        gpu: &Gpu,
         commands: &mut Commands<'_>,
-        camera: &CameraBinding,
-        gaps: &Gaps,
+        camera: &wgpu::BindGroup,
+        label: &'static str,
         span: Span<'_>,
     ) {
-        let Frame { variant, iterations, gaps: count, work, .. } = &self.frame;
-        // The state that `record` left behind.
-        let [whole, unused] = match iterations.len() % 2 {
-            0 => [&self.states[0], &self.states[1]],
-            _ => [&self.states[1], &self.states[0]],
-        };
-        let iterations = &iterations[..iterations.len().min(MOST_GAP_ITERATIONS)];
-        let Some(last) = iterations.last() else { return };
-        let tiles = &gaps.tile_lists;
-        let flags = gaps.tiles.create_view(&Default::default());
-        let unused = gpu::level_view(&unused.texture, 0, D2Array);
-        let buffer = |params: &Params| gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
-        let mut steps = Vec::new();
-        for pipelines in self.gaps.iter().take(*count as usize) {
-            let iterate = &pipelines.iterate[variant];
-            steps.push((&pipelines.prepare, buffer(last)));
-            // The last state must be in the splatted layers.
-            if iterations.len().is_multiple_of(2) {
-                steps.push((&pipelines.carry, buffer(last)));
-            }
-            steps.extend(iterations.iter().map(|params| (iterate, buffer(params))));
-            steps.push((&pipelines.planes, buffer(last)));
-        }
-        let textures = [&self.splatted, &self.layers];
-        let targets = textures.map(|layers| gpu::level_view(&layers.texture, 0, D2Array));
-        let work = tiles.pixels().saturating_mul(*work);
-        let of_step = |step| tiles.sections().map(move |section| ((step, section), work));
-        let parts: Vec<_> = (0..steps.len()).flat_map(of_step).collect();
-        commands.compute("smooth gaps", span, &parts, |pass, &(i, section)| {
-            let (pipeline, params) = &steps[i];
-            let resources = [
-                params.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&targets[i % 2]),
-                wgpu::BindingResource::TextureView(&targets[(i + 1) % 2]),
-                wgpu::BindingResource::TextureView(&unused),
-                wgpu::BindingResource::TextureView(&whole.view),
-                tiles.section(&tiles.liquid, section),
-                wgpu::BindingResource::TextureView(&flags),
-                wgpu::BindingResource::TextureView(&whole.view),
-            ];
+        let work = self.tiles.pixels().saturating_mul(self.work);
+        let of_step = |step| self.tiles.sections().map(move |section| ((step, section), work));
+        let parts: Vec<_> = self.steps.iter().flat_map(of_step).collect();
+        commands.compute(label, span, &parts, |pass, &((pipeline, bound), section)| {
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &camera.group, &[]);
-            pass.set_bind_group(1, &gpu::bind_group(gpu, "smooth", &self.layout, &resources), &[]);
-            let at = tiles.dispatch(TileLists::LIQUID_LAYERS, section);
-            pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
+            pass.set_bind_group(0, camera, &[]);
+            pass.set_bind_group(1, &bound[section as usize].group, &[]);
+            let at = self.tiles.dispatch(self.covered, section);
+            pass.dispatch_workgroups_indirect(&self.tiles.dispatches, at);
         });
     }
+}
+
+/// Group 0 of `smooth/blank.wgsl`.
+fn bind_blank(gpu: &Gpu, tiles: &TileLists, images: &SmoothImages, section: u32) -> Bound {
+    let planes = gpu::level_view(&images.layers.texture, 0, D2Array);
+    let (list, written) = (gpu::storage_of(8), gpu::storage_texture(Layers::FORMAT, D2Array));
+    let bindings = [
+        (list, tiles.section(&tiles.liquid, section)),
+        (list, tiles.section(&tiles.background, section)),
+        (written, TextureView(&images.states[0].view)),
+        (written, TextureView(&images.states[1].view)),
+        (written, TextureView(&planes)),
+        (gpu::storage_of(4), images.filled.before.as_entire_binding()),
+        (gpu::storage_read_write(4), images.filled.now.as_entire_binding()),
+    ];
+    gpu::bind(gpu, "smooth blank", &bindings)
+}
+
+/// Images of a step, as in `smooth/iterate.wgsl`.
+#[derive(Clone, Copy)]
+struct StepImages<'a> {
+    state: &'a wgpu::TextureView,
+    next: &'a wgpu::TextureView,
+    planes: &'a wgpu::TextureView,
+    splatted: &'a wgpu::TextureView,
+    flags: &'a wgpu::TextureView,
+    splash: &'a wgpu::TextureView,
+}
+
+fn bind_step(
+    gpu: &Gpu,
+    params: &wgpu::Buffer,
+    images: StepImages<'_>,
+    tiles: wgpu::BindingResource<'_>,
+) -> Bound {
+    let written = gpu::storage_texture(Layers::FORMAT, D2Array);
+    let bindings = [
+        (gpu::uniform::<Params>(), params.as_entire_binding()),
+        (gpu.layers(), TextureView(images.state)),
+        (written, TextureView(images.next)),
+        (written, TextureView(images.planes)),
+        (gpu.layers(), TextureView(images.splatted)),
+        (gpu::storage_of(8), tiles),
+        (gpu::sampled(D2), TextureView(images.flags)),
+        (gpu::sampled(D2Array), TextureView(images.splash)),
+    ];
+    gpu::bind(gpu, "smooth", &bindings)
+}
+
+/// The kernels of a frame.
+#[derive(Clone, Copy)]
+struct Kernels<'a> {
+    gpu: &'a Gpu,
+    camera: &'a CameraBinding,
+    settings: &'a settings::Smooth,
+    /// Planes bear the sizes of their particles.
+    sizes: bool,
+}
+
+impl Kernels<'_> {
+    /// One step on these tiles, with further constants.
+    fn step(
+        self,
+        entry: &str,
+        constants: &[(&str, f64)],
+        params: &Params,
+        images: StepImages<'_>,
+        tiles: &TileLists,
+    ) -> (wgpu::ComputePipeline, Vec<Bound>) {
+        let Self { gpu, camera, settings, sizes } = self;
+        // One buffer per step: a uniform written twice holds its last value for the whole frame.
+        let params = gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
+        let bind = |section| bind_step(gpu, &params, images, tiles.section(&tiles.liquid, section));
+        let bound: Vec<_> = tiles.sections().map(bind).collect();
+        let variant = Variant::new(settings);
+        let sized = [("SIZES", f64::from(u8::from(sizes)))];
+        let mut all = [&camera.constants()[..], &sized, constants].concat();
+        let iterates = entry == "iterate";
+        if iterates {
+            all.extend(variant.constants());
+        }
+        let shader = if iterates { variant.shader() } else { "smooth/plane_fit.wgsl" };
+        let layouts = [&camera.layout, &bound[0].layout];
+        (gpu::compute_pipeline(gpu, shader, entry, &layouts, &all), bound)
+    }
+}
+
+/// The steps from the splatted layers to the smoothed ones.
+fn whole_steps(
+    kernels: Kernels<'_>,
+    inputs: Inputs<'_>,
+    images: &SmoothImages,
+    iterations: &[Params],
+    coverage: Coverage,
+) -> Steps {
+    let Inputs { splatted, splash, tiles, gaps } = inputs;
+    let planes = gpu::level_view(&images.layers.texture, 0, D2Array);
+    let flags = gaps.tiles.create_view(&Default::default());
+    let states = &images.states;
+    let step = |i: usize, entry: &str, constants: &[(&str, f64)], params: &Params| {
+        let images = StepImages {
+            state: &states[(i + 1) % 2].view,
+            next: &states[i % 2].view,
+            planes: &planes,
+            splatted: &splatted.view,
+            flags: &flags,
+            splash: &splash.unwrap_or(splatted).view,
+        };
+        kernels.step(entry, constants, params, images, tiles)
+    };
+    let counted = [("GAPS", coverage.gaps.into())];
+    let steps = match iterations.last() {
+        None => vec![step(0, "copy", &counted, &Params::zeroed())],
+        Some(last) => {
+            let mut steps = vec![step(0, "prepare", &[], last)];
+            let iterate = |(i, params)| step(i, "iterate", &[], params);
+            steps.extend((1..).zip(iterations).map(iterate));
+            steps.push(step(steps.len(), "planes", &counted, last));
+            steps
+        }
+    };
+    let covered = if coverage.backs { TileLists::LIQUID_LAYERS } else { TileLists::LIQUID };
+    Steps { tiles: tiles.clone(), covered, steps, work: work(kernels.settings) }
+}
+
+/// The steps for the sides of gaps. The splatted and the smoothed layers hold their states by turns.
+fn gap_steps(
+    kernels: Kernels<'_>,
+    inputs: Inputs<'_>,
+    images: &SmoothImages,
+    iterations: &[Params],
+    count: u32,
+) -> Steps {
+    let Inputs { splatted, gaps, .. } = inputs;
+    // The state that `whole_steps` leave behind.
+    let [whole, unused] = match iterations.len() % 2 {
+        0 => [&images.states[0], &images.states[1]],
+        _ => [&images.states[1], &images.states[0]],
+    };
+    let iterations = &iterations[..iterations.len().min(MOST_GAP_ITERATIONS)];
+    let unused = gpu::level_view(&unused.texture, 0, D2Array);
+    let flags = gaps.tiles.create_view(&Default::default());
+    let targets =
+        [splatted, &images.layers].map(|layers| gpu::level_view(&layers.texture, 0, D2Array));
+    let tiles = &gaps.tile_lists;
+    let mut steps = Vec::new();
+    for gap in 0..count {
+        let constants = [("GAP", gap.into())];
+        let mut step = |entry: &str, params: &Params| {
+            let images = StepImages {
+                state: &targets[steps.len() % 2],
+                next: &targets[(steps.len() + 1) % 2],
+                planes: &unused,
+                splatted: &whole.view,
+                flags: &flags,
+                splash: &whole.view,
+            };
+            steps.push(kernels.step(entry, &constants, params, images, tiles));
+        };
+        let Some(last) = iterations.last() else { break };
+        step("prepare", last);
+        // The last state must be in the splatted layers.
+        if iterations.len().is_multiple_of(2) {
+            step("carry", last);
+        }
+        iterations.iter().for_each(|params| step("iterate", params));
+        step("planes", last);
+    }
+    let (covered, work) = (TileLists::LIQUID_LAYERS, work(kernels.settings));
+    Steps { tiles: tiles.clone(), covered, steps, work }
 }
 
 /// The work of an iteration per pixel, in layer evaluations.
 pub fn work(settings: &settings::Smooth) -> u64 {
     2 * u64::from(settings.taps).pow(2)
-}
-
-fn create_layers(gpu: &Gpu, splatted: &Layers) -> (Layers, [Layers; 2]) {
-    let size = UVec2::new(splatted.texture.width(), splatted.texture.height());
-    let usage = wgpu::TextureUsages::STORAGE_BINDING
-        | wgpu::TextureUsages::TEXTURE_BINDING
-        | wgpu::TextureUsages::COPY_SRC;
-    let new = |label: &str, layers, levels| Layers::new(gpu, label, size, layers, levels, usage);
-    let (all, levels) =
-        (splatted.texture.depth_or_array_layers(), splatted.texture.mip_level_count());
-    (
-        new("smoothed layers", all, levels),
-        [new("smooth state 0", 2, 1), new("smooth state 1", 2, 1)],
-    )
 }

@@ -188,13 +188,14 @@ impl Surface {
     ) {
         let Some(images) = &self.images else { return };
         let camera = &eye.camera;
-        let tags = eye.splat.tags.each_ref().map(|tags| tags.create_view(&Default::default()));
-        let texture_views = [&eye.gbuffer.images.planes, &images.surface, &images.motion];
+        let tags =
+            eye.images.splat.tags.each_ref().map(|tags| tags.create_view(&Default::default()));
+        let texture_views = [&eye.images.gbuffer.planes, &images.surface, &images.motion];
         let views = texture_views.map(|texture| gpu::layer_view(texture, 0));
         let resources = [
             self.params.as_entire_binding(),
             wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-            wgpu::BindingResource::TextureView(&eye.splat.splash.view),
+            wgpu::BindingResource::TextureView(&eye.images.splat.splash.view),
             wgpu::BindingResource::TextureView(&views[0]),
             wgpu::BindingResource::TextureView(&tags[0]),
             wgpu::BindingResource::TextureView(&tags[1]),

@@ -7,16 +7,23 @@ use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
 
 use super::Layers;
-use crate::gpu::{self, Gpu, Span, TILE};
+use crate::gpu::{self, Bound, Gpu, Span, TILE};
 
 /// Sorts tiles into liquid and background.
 #[derive(Debug)]
 pub struct Tiles {
-    /// Output.
-    pub lists: TileLists,
-    sort: [wgpu::ComputePipeline; 2],
-    arrange: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
+    lists: TileLists,
+    sort: wgpu::ComputePipeline,
+    arrange: Arrange,
+}
+
+/// Makes the dispatches of lists that another pass has filled.
+#[derive(Debug)]
+pub struct Arrange {
+    lists: Bound,
+    pipeline: wgpu::ComputePipeline,
+    /// Sections of the lists.
+    count: u32,
 }
 
 /// The lists of tiles on the device.
@@ -133,92 +140,73 @@ impl TileLists {
 }
 
 impl Tiles {
-    /// Compiles the pipelines; [`Tiles::resize`] allocates the lists.
-    pub fn new(gpu: &Gpu) -> Self {
-        let bindings = [
-            gpu.layers(),
-            gpu.layers(),
-            gpu::storage_read_write(8),
-            gpu::storage_read_write(8),
-            gpu::storage_read_write(48),
-            gpu::storage::<Sections>(),
-        ];
-        let layout = gpu.layout("tiles", wgpu::ShaderStages::COMPUTE, &bindings);
-        let pipeline = |entry: &str, constants: &[(&str, f64)]| {
-            gpu::compute_pipeline(gpu, "tiles.wgsl", entry, &[&layout], constants)
-        };
-        Self {
-            lists: create_lists(gpu, UVec2::ONE, Sections { tiles: 1, words: 2, count: 1 }),
-            sort: [0.0, 1.0].map(|splash| pipeline("sort", &[("SPLASH", splash)])),
-            arrange: pipeline("arrange", &[]),
-            layout,
-        }
-    }
-
-    /// Replaces the lists.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, sections: Sections) {
-        self.lists = create_lists(gpu, size, sections);
-    }
-
-    /// As [`super::splat::Splat::share`].
-    pub fn share(&mut self, other: &Self) {
-        self.lists = other.lists.clone();
-    }
-
-    /// Records the sorting of the tiles by the splatted layers.
-    pub fn record(
-        &self,
+    /// Prepares the sorting of the tiles into `lists` by the splatted layers.
+    pub fn prepare(
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        lists: &TileLists,
         aggregate: &Layers,
         splash: Option<&Layers>,
-        span: Span<'_>,
-    ) {
+    ) -> Self {
+        let arrange = Arrange::with_splashes(gpu, lists, aggregate, splash);
+        let constants = [("SPLASH", f64::from(u8::from(splash.is_some())))];
+        let layouts = [&arrange.lists.layout];
+        let sort = gpu::compute_pipeline(gpu, "tiles.wgsl", "sort", &layouts, &constants);
+        Self { lists: lists.clone(), sort, arrange }
+    }
+
+    /// Records the sorting of the tiles.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, span: Span<'_>) {
         self.lists.clear(encoder);
-        let group = self.group(gpu, &self.lists, aggregate, splash);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("tiles"),
             timestamp_writes: span.compute(),
         });
-        pass.set_bind_group(0, &group, &[]);
-        pass.set_pipeline(&self.sort[usize::from(splash.is_some())]);
+        pass.set_bind_group(0, &self.arrange.lists.group, &[]);
+        pass.set_pipeline(&self.sort);
         let (x, y) = gpu::workgroups(self.lists.size.map(|n| n.div_ceil(TILE)));
         pass.dispatch_workgroups(x, y, 1);
-        pass.set_pipeline(&self.arrange);
-        gpu::dispatch(&mut pass, self.lists.sections.count);
+        self.arrange.dispatch(&mut pass);
+    }
+}
+
+impl Arrange {
+    /// Prepares the dispatches of `lists`, filled from `layers`.
+    pub fn prepare(gpu: &Gpu, lists: &TileLists, layers: &Layers) -> Self {
+        Self::with_splashes(gpu, lists, layers, None)
     }
 
-    /// Records the dispatches of lists that another pass has filled from `layers`.
-    pub fn arrange(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        lists: &TileLists,
-        layers: &Layers,
-    ) {
-        let group = self.group(gpu, lists, layers, None);
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_bind_group(0, &group, &[]);
-        pass.set_pipeline(&self.arrange);
-        gpu::dispatch(&mut pass, lists.sections.count);
-    }
-
-    fn group(
-        &self,
+    fn with_splashes(
         gpu: &Gpu,
         lists: &TileLists,
         aggregate: &Layers,
         splash: Option<&Layers>,
-    ) -> wgpu::BindGroup {
-        let resources = [
-            wgpu::BindingResource::TextureView(&aggregate.view),
-            wgpu::BindingResource::TextureView(&splash.unwrap_or(aggregate).view),
-            lists.liquid.as_entire_binding(),
-            lists.background.as_entire_binding(),
-            lists.dispatches.as_entire_binding(),
-            lists.sections_buffer.as_entire_binding(),
+    ) -> Self {
+        let splash = splash.unwrap_or(aggregate);
+        let list = gpu::storage_read_write(8);
+        let bindings = [
+            (gpu.layers(), wgpu::BindingResource::TextureView(&aggregate.view)),
+            (gpu.layers(), wgpu::BindingResource::TextureView(&splash.view)),
+            (list, lists.liquid.as_entire_binding()),
+            (list, lists.background.as_entire_binding()),
+            (gpu::storage_read_write(48), lists.dispatches.as_entire_binding()),
+            (gpu::storage::<Sections>(), lists.sections_buffer.as_entire_binding()),
         ];
-        gpu::bind_group(gpu, "tiles", &self.layout, &resources)
+        let count = lists.sections.count;
+        let lists = gpu::bind(gpu, "tiles", &bindings);
+        let pipeline = gpu::compute_pipeline(gpu, "tiles.wgsl", "arrange", &[&lists.layout], &[]);
+        Self { lists, pipeline, count }
+    }
+
+    /// Records the dispatches.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_bind_group(0, &self.lists.group, &[]);
+        self.dispatch(&mut pass);
+    }
+
+    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>) {
+        pass.set_pipeline(&self.pipeline);
+        gpu::dispatch(pass, self.count);
     }
 }
 

@@ -4,17 +4,17 @@
 
 use glam::{DVec3, UVec2};
 
-use super::bins::{AGGREGATES, Bins, Listed, SPLASHES};
-use super::gaps::{self, Gaps};
+use super::bins::{AGGREGATES, BinBuffers, Bins, Listed};
+use super::gaps::{self, GapImages, Gaps};
 use super::gbuffer::GBuffer;
 use super::mesh_buffers::MeshBuffers;
-use super::mixture::Mixture;
+use super::mixture::{Mixture, MixtureImages};
 use super::scene_binding::{LightMaps, SceneBinding};
-use super::smooth::{self, Smooth};
-use super::splat::{self, Splat};
+use super::smooth::{self, Smooth, SmoothImages};
+use super::splat::{self, Splat, SplatImages};
 use super::splat_buffers::SplatBuffers;
-use super::tiles::{Sections, Tiles};
-use super::{CameraBinding, Layers};
+use super::tiles::{Sections, TileLists, Tiles};
+use super::{CameraBinding, GBufferImages, Layers};
 use crate::camera::CameraUniform;
 use crate::gpu::{Commands, Gpu, Timer};
 use crate::light_view::PlacedView;
@@ -61,22 +61,41 @@ pub struct FrameInputs<'a> {
     pub fits: &'a [smooth::Params],
 }
 
-/// A view's passes before light is traced, and their outputs.
+/// A view: its bindings, and what its passes draw.
 #[derive(Debug)]
 pub struct ViewPasses {
     pub camera: CameraBinding,
     pub scene: SceneBinding,
-    pub bins: Bins,
-    pub splat: Splat,
-    pub mixture: Mixture,
-    pub gaps: Gaps,
-    pub tiles: Tiles,
-    pub smooth: Smooth,
-    pub gbuffer: GBuffer,
+    pub images: ViewImages,
     config: ViewConfig,
-    smoothed: bool,
     /// Splats of this view alone, if it sees walls from behind.
     own_splats: Option<(Splats, SplatSet)>,
+}
+
+/// Outputs of a view's passes, and memory between them. Views of one configuration can share them: clones are the same
+/// images.
+#[derive(Debug, Clone)]
+pub struct ViewImages {
+    pub bins: BinBuffers,
+    pub splat: SplatImages,
+    pub mixture: MixtureImages,
+    pub gaps: GapImages,
+    pub tiles: TileLists,
+    pub smooth: SmoothImages,
+    pub gbuffer: GBufferImages,
+}
+
+/// A frame's passes of one view before light is traced, in order; `None` for passes that do not run.
+#[derive(Debug)]
+pub struct PreparedView {
+    bins: Bins,
+    /// By class.
+    splat: Vec<Splat>,
+    mixture: Option<Mixture>,
+    gaps: Option<Gaps>,
+    tiles: Tiles,
+    smooth: Option<Smooth>,
+    gbuffer: Option<GBuffer>,
 }
 
 /// Configuration of a view.
@@ -98,6 +117,8 @@ pub struct ViewConfig {
     pub backs: bool,
     /// Gaps between liquid and liquid that a pixel distinguishes.
     pub gaps: u32,
+    /// Smooth the layers of the aggregates, or flag their gaps.
+    pub smooth: bool,
     /// Write the particle and fluid of each front.
     pub tags: bool,
     /// Division of the lists of tiles.
@@ -147,18 +168,28 @@ impl PassNames {
     };
 }
 
+impl ViewImages {
+    /// Creates the images of each pass, of one pixel for passes that do not run.
+    pub fn new(gpu: &Gpu, config: ViewConfig) -> Self {
+        let ViewConfig { size, splash, gaps, levels, tags, sections, .. } = config;
+        let used = |on: bool| if on { (size, levels) } else { (UVec2::ONE, 1) };
+        let splat = SplatImages::new(gpu, splat::Extent { size, gaps, levels, splash, tags });
+        let (opaque_size, opaque_levels) = used(config.gbuffer || config.host);
+        Self {
+            bins: BinBuffers::new(gpu, size),
+            mixture: MixtureImages::new(gpu, used(config.mixture).0),
+            gaps: GapImages::new(gpu, used(gaps > 0).0, sections),
+            tiles: TileLists::new(gpu, size, sections),
+            smooth: SmoothImages::new(gpu, &splat.aggregate),
+            gbuffer: GBufferImages::new(gpu, opaque_size, opaque_levels),
+            splat,
+        }
+    }
+}
+
 impl ViewPasses {
-    /// Compiles the passes for a perspective or an orthographic view.
+    /// Creates a perspective or an orthographic view of one pixel.
     pub fn new(gpu: &Gpu, orthographic: bool) -> Self {
-        let camera = CameraBinding::new(gpu, orthographic);
-        let scene = SceneBinding::new(gpu);
-        let bins = Bins::new(gpu, &camera);
-        let splat = Splat::new(gpu);
-        let mixture = Mixture::new(gpu);
-        let gaps = Gaps::new(gpu);
-        let tiles = Tiles::new(gpu);
-        let smooth = Smooth::new(gpu, &camera, &splat.aggregate);
-        let gbuffer = GBuffer::new(gpu);
         let config = ViewConfig {
             size: UVec2::ONE,
             splash: false,
@@ -168,56 +199,31 @@ impl ViewPasses {
             levels: 1,
             backs: true,
             gaps: 0,
+            smooth: false,
             tags: false,
             sections: Sections { tiles: 1, words: 2, count: 1 },
         };
         Self {
-            camera,
-            scene,
-            bins,
-            splat,
-            mixture,
-            gaps,
-            tiles,
-            smooth,
-            gbuffer,
+            camera: CameraBinding::new(gpu, orthographic),
+            scene: SceneBinding::new(gpu),
+            images: ViewImages::new(gpu, config),
             config,
-            smoothed: false,
             own_splats: None,
         }
     }
 
-    /// Resizes the textures of each pass, to one pixel for passes that do not run.
+    /// Replaces the images where another configuration needs others.
     pub fn resize(&mut self, gpu: &Gpu, config: ViewConfig) {
-        let textures = |config: ViewConfig| ViewConfig { backs: true, ..config };
-        let same = textures(config) == textures(self.config);
-        self.config = config;
-        if same {
-            return;
+        let images = |config: ViewConfig| ViewConfig { backs: true, smooth: true, ..config };
+        if images(config) != images(self.config) {
+            self.images = ViewImages::new(gpu, config);
         }
-        let used = |on: bool| if on { (config.size, config.levels) } else { (UVec2::ONE, 1) };
-        let ViewConfig { size, gaps, levels, splash, tags, .. } = config;
-        self.bins.resize(gpu, size);
-        self.splat.resize(gpu, splat::Extent { size, gaps, levels, splash, tags });
-        self.mixture.resize(gpu, used(config.mixture).0);
-        let size = if config.gaps > 0 { config.size } else { UVec2::ONE };
-        self.gaps.resize(gpu, size, config.sections);
-        self.tiles.resize(gpu, config.size, config.sections);
-        self.smooth.resize(gpu, &self.splat.aggregate);
-        let (size, levels) = used(self.has_gbuffer());
-        self.gbuffer.resize(gpu, size, levels);
+        self.config = config;
     }
 
-    /// Draws into the textures of another view of the same configuration, which is drawn before and no longer needed then.
+    /// Draws into the images of another view of the same configuration, which is drawn before and no longer needed then.
     pub fn share(&mut self, other: &Self) {
-        self.config = other.config;
-        self.bins.share(&other.bins);
-        self.splat.share(&other.splat);
-        self.mixture.share(&other.mixture);
-        self.gaps.share(&other.gaps);
-        self.tiles.share(&other.tiles);
-        self.smooth.share(&other.smooth);
-        self.gbuffer.share(&other.gbuffer);
+        (self.config, self.images) = (other.config, other.images.clone());
     }
 
     /// The configuration that the textures were made for.
@@ -225,9 +231,74 @@ impl ViewPasses {
         self.config
     }
 
-    /// Allocates the lists of the splats that this view draws: the frame's or, if some of them would show through a
-    /// wall seen from behind, its own.
-    pub fn list_splats(
+    /// Uploads the view, and the scene relative to it with the lights' views and maps.
+    pub fn upload(
+        &mut self,
+        gpu: &Gpu,
+        frame: FrameInputs<'_>,
+        camera: &CameraUniform,
+        eye: DVec3,
+        views: &[PlacedView],
+        maps: Option<&LightMaps>,
+    ) {
+        self.camera.write(gpu, camera);
+        self.scene.upload(gpu, frame.scene, frame.meshes, eye, views, maps);
+    }
+
+    /// Prepares the passes of the view, which is uploaded before: allocates the lists of its splats, and compiles missing
+    /// pipelines.
+    pub fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        frame: FrameInputs<'_>,
+        uniform: &CameraUniform,
+        eye: DVec3,
+    ) -> PreparedView {
+        self.choose_splats(gpu, frame, uniform, eye);
+        let FrameInputs { scene, fits, .. } = frame;
+        let Self { camera, images, config, own_splats, .. } = self;
+        let ViewConfig { backs, gaps, tags, .. } = *config;
+        let (splats, set) = match own_splats {
+            Some((splats, set)) => (&*splats, &*set),
+            None => (frame.splats, frame.splat_set),
+        };
+        let listed = [
+            Listed { splats: &splats.aggregates, buffers: &set.aggregates },
+            Listed { splats: &splats.splashes, buffers: &set.splashes },
+        ];
+        let swell = if gaps > 0 { gaps::CLOSING } else { 1.0 };
+        let kept = &mut images.bins;
+        let bins = Bins::prepare(gpu, camera, uniform, listed, swell, config.mixture, kept);
+
+        let (sizes, radius) = (set.radii_differ, frame.splats.radius);
+        let layers = [&images.splat.aggregate, &images.splat.splash];
+        let layers = &layers[..if config.splash { 2 } else { 1 }];
+        let splash = layers.get(1).copied();
+        let drawn = splat::Drawn { backs, sizes, tags };
+        let splat = |class| Splat::prepare(gpu, camera, &bins, class, &images.splat, drawn);
+        let splat = (0..layers.len()).map(splat).collect();
+        let mixture = config.mixture.then(|| {
+            Mixture::prepare(gpu, camera, &bins, layers.len(), &images.mixture, scene, radius)
+        });
+        let found = (gaps > 0).then(|| {
+            Gaps::prepare(gpu, camera, &bins, layers, &images.gaps, (gaps, sizes), radius)
+        });
+        let tiles = Tiles::prepare(gpu, &images.tiles, layers[0], splash);
+        let smooth = config.smooth.then(|| {
+            let (tiles, gap_images) = (&images.tiles, &images.gaps);
+            let inputs = smooth::Inputs { splatted: layers[0], splash, tiles, gaps: gap_images };
+            let (settings, coverage) =
+                (&scene.settings.smooth, smooth::Coverage { backs, gaps, sizes });
+            Smooth::prepare(gpu, camera, inputs, &images.smooth, settings, fits, coverage)
+        });
+        let gbuffer = (config.gbuffer && !config.host)
+            .then(|| GBuffer::prepare(gpu, camera, &self.scene, &images.gbuffer));
+        PreparedView { bins, splat, mixture, gaps: found, tiles, smooth, gbuffer }
+    }
+
+    /// Chooses the splats that this view draws: the frame's or, if some of them would show through a wall seen from
+    /// behind, its own.
+    fn choose_splats(
         &mut self,
         gpu: &Gpu,
         frame: FrameInputs<'_>,
@@ -244,120 +315,51 @@ impl ViewPasses {
             own.upload(gpu, &seen);
             (seen, own)
         });
-        let (splats, set) = match &self.own_splats {
-            Some((splats, set)) => (splats, set),
-            None => (frame.splats, frame.splat_set),
-        };
-        let classes = [
-            Listed { splats: &splats.aggregates, buffers: &set.aggregates },
-            Listed { splats: &splats.splashes, buffers: &set.splashes },
-        ];
-        let swell = if self.config.gaps > 0 { gaps::CLOSING } else { 1.0 };
-        self.bins.prepare(gpu, camera, classes, swell, self.config.mixture);
-    }
-
-    /// Uploads the view, and the scene relative to it with the lights' views and maps, and compiles
-    /// missing pipelines.
-    pub fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        frame: FrameInputs<'_>,
-        camera: &CameraUniform,
-        eye: DVec3,
-        views: &[PlacedView],
-        maps: Option<&LightMaps>,
-    ) {
-        let FrameInputs { scene, splats, splat_set, meshes, fits } = frame;
-        self.camera.write(gpu, camera);
-        let sizes = self.seen_splats(splat_set).radii_differ;
-        let drawn = splat::Frame { backs: self.config.backs, sizes, tags: self.config.tags };
-        self.splat.prepare(gpu, &self.camera, &self.bins, drawn);
-        self.scene.upload(gpu, scene, meshes, eye, views, maps);
-        if self.config.mixture {
-            self.mixture.prepare(gpu, &self.camera, &self.bins, scene, splats.radius);
-        }
-        if self.config.gaps > 0 {
-            let gaps = self.config.gaps;
-            self.gaps.prepare(gpu, &self.camera, &self.bins, gaps, splats.radius, sizes);
-        }
-        // Flags of texels with gaps are written with the smoothed layers.
-        self.smoothed = !fits.is_empty() || self.config.gaps > 0;
-        if self.smoothed {
-            let settings = &scene.settings.smooth;
-            let ViewConfig { backs, gaps, .. } = self.config;
-            let coverage = smooth::Coverage { backs, gaps, sizes };
-            self.smooth.prepare(gpu, &self.camera, settings, fits, coverage);
-        }
-        if self.config.gbuffer && !self.config.host {
-            self.gbuffer.prepare(gpu, &self.camera, &self.scene);
-        }
     }
 
     /// Records all passes of the view.
     pub fn record(
         &self,
-        gpu: &Gpu,
+        prepared: &PreparedView,
         commands: &mut Commands<'_>,
-        frame: FrameInputs<'_>,
         timer: &mut Timer,
         names: PassNames,
     ) {
+        let PreparedView { bins, splat, mixture, gaps, tiles, smooth, gbuffer } = prepared;
+        let Self { camera, scene, .. } = self;
         let encoder = &mut *commands.encoder;
-        let camera = &self.camera;
-        let liquid = self.seen_splats(frame.splat_set);
-        let classes = [&liquid.aggregates, &liquid.splashes];
-        let classes = &classes[..if self.config.splash { 2 } else { 1 }];
-        for (class, name) in [(AGGREGATES, names.splat), (SPLASHES, names.splashes)] {
-            let Some(&splats) = classes.get(class) else { continue };
-            let span = timer.span(name);
-            self.bins.record(encoder, camera, class, splats, span.first());
-            self.splat.record(gpu, encoder, camera, &self.bins, (class, splats), span.last());
+        for (class, splat) in splat.iter().enumerate() {
+            let span = timer.span(if class == AGGREGATES { names.splat } else { names.splashes });
+            bins.record(encoder, class, span.first());
+            splat.record(encoder, camera, bins, span.last());
         }
-        if self.config.mixture {
-            let span = timer.span(names.mixture);
-            self.mixture.record(gpu, encoder, camera, &self.bins, classes, span);
+        if let Some(mixture) = mixture {
+            mixture.record(encoder, camera, bins, timer.span(names.mixture));
         }
-        if self.config.gaps > 0 {
-            let layers = [&self.splat.aggregate, &self.splat.splash];
-            let classes: Vec<_> = classes.iter().copied().zip(layers).collect();
-            let span = timer.span(names.gaps);
-            self.gaps.record(gpu, encoder, (camera, &self.bins), &self.tiles, &classes, span);
+        if let Some(gaps) = gaps {
+            gaps.record(encoder, bins, timer.span(names.gaps));
         }
-        self.tiles.record(
-            gpu,
-            encoder,
-            &self.splat.aggregate,
-            self.splash_layers(),
-            timer.span(names.tiles),
-        );
-        if self.smoothed {
-            let lists = &self.tiles.lists;
-            let (gaps, splash, span) = (&self.gaps, self.splash_layers(), timer.span(names.smooth));
-            self.smooth.record(commands, camera, lists, gaps, splash, span);
-            if self.config.gaps > 0 {
-                let span = timer.span(names.smooth_gaps);
-                self.smooth.record_gaps(gpu, commands, camera, &self.gaps, span);
+        tiles.record(encoder, timer.span(names.tiles));
+        if let Some(smooth) = smooth {
+            smooth.record(commands, timer.span(names.smooth));
+            if gaps.is_some() {
+                smooth.record_gaps(commands, timer.span(names.smooth_gaps));
             }
         }
-        if self.config.gbuffer && !self.config.host {
-            let encoder = &mut *commands.encoder;
-            self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(names.gbuffer));
+        if let Some(gbuffer) = gbuffer {
+            gbuffer.record(commands.encoder, camera, scene, timer.span(names.gbuffer));
         }
-    }
-
-    /// The splats that this view draws: its own, if it has any, or the frame's.
-    pub fn seen_splats<'a>(&'a self, frame: &'a SplatSet) -> &'a SplatSet {
-        self.own_splats.as_ref().map_or(frame, |(_, own)| own)
     }
 
     /// The layers that the liquid is drawn from: smoothed, if there was smoothing.
     pub fn aggregate_layers(&self) -> &Layers {
-        if self.smoothed { &self.smooth.layers } else { &self.splat.aggregate }
+        let images = &self.images;
+        if self.config.smooth { &images.smooth.layers } else { &images.splat.aggregate }
     }
 
     /// The layers of the splashes, if the frame has any.
     pub fn splash_layers(&self) -> Option<&Layers> {
-        self.config.splash.then_some(&self.splat.splash)
+        self.config.splash.then_some(&self.images.splat.splash)
     }
 
     /// Whether the G-buffer is filled.

@@ -17,7 +17,9 @@ use crate::reference::{Liquid, Ray};
 use limpid::gpu::{self, Commands, Gpu, Timer};
 use limpid::light_view::LightView;
 use limpid::lights;
-use limpid::passes::caustics::{CausticMap, Caustics, Inputs, MapConfig, Output, Params};
+use limpid::passes::caustics::{
+    CausticBuffers, CausticMap, Caustics, Inputs, MapConfig, Output, Params,
+};
 use limpid::passes::mesh_buffers::MeshBuffers;
 use limpid::passes::scene_binding::SceneBinding;
 use limpid::passes::smooth;
@@ -61,7 +63,7 @@ pub struct Bench {
     splash: Option<Layers>,
     gbuffer: GBufferImages,
     outputs: [wgpu::Texture; 2],
-    caustics: Caustics,
+    buffers: CausticBuffers,
 }
 
 /// The result of one run.
@@ -108,7 +110,7 @@ impl Bench {
             splash: layers.splash.as_ref().map(pair),
             gbuffer: GBufferImages { surfaces: planes.clone(), planes },
             outputs: [output("map"), output("receivers")],
-            caustics: Caustics::new(gpu, &camera),
+            buffers: CausticBuffers::default(),
             camera,
             scene: bound,
         })
@@ -127,17 +129,15 @@ impl Bench {
         let size = self.view.size;
         let settings = &scene.settings.caustics;
         let config = MapConfig { settings, splash: self.splash.is_some(), gaps: 0, size };
-        self.caustics.prepare(gpu, camera, bound, scene, config)?;
+        let caustics = Caustics::prepare(gpu, camera, bound, scene, config, &mut self.buffers)?;
         let params = Params::new(&scene.lights[light], &self.view, settings);
         let inputs = Inputs {
             camera,
             scene: bound,
             aggregate: &self.aggregate,
             splash: self.splash.as_ref(),
-            gaps: 0,
             gbuffer: &self.gbuffer,
             mixture: None,
-            method: settings.method,
             params: &params,
         };
         let [map, receivers] = &self.outputs;
@@ -146,7 +146,7 @@ impl Bench {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let mut commands = Commands::new(gpu, &mut encoder);
         let span = timer.span("caustics");
-        self.caustics.record(&mut commands, scene, radius, inputs, output, span);
+        caustics.record(&mut commands, scene, radius, inputs, output, span);
         let resolved = timer.resolve(gpu, commands.encoder);
         commands.submit();
         gpu.check()?;
@@ -155,10 +155,8 @@ impl Bench {
         let [map, receivers] = self.outputs.clone();
         let map = CausticMap { view: self.view, map, receivers, layer: 0 };
         let (irradiance, depths) = map.read(gpu)?;
-        let gathered = match self.caustics.gathered() {
-            Some(texture) => bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, 0)?),
-            None => Vec::new(),
-        };
+        let gathered = gpu::read_texture(gpu, caustics.gathered(), 0)?;
+        let gathered = bytemuck::pod_collect_to_vec(&gathered);
         Ok(Run { irradiance, depths, gathered, ms })
     }
 }
@@ -376,6 +374,7 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         host: false,
         levels: 1,
         backs,
+        smooth: !fits.is_empty(),
         tags: false,
         gaps: 0,
         sections: Sections::for_work(gpu, view.size, smooth::work(&scene.settings.smooth)),
@@ -387,13 +386,13 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     let mut meshes = MeshBuffers::new(gpu);
     meshes.prepare(gpu, scene)?;
     let frame = FrameInputs { scene, splats, splat_set: &liquid, meshes: &meshes, fits: &fits };
-    surfaces.list_splats(gpu, frame, &uniform, view.origin);
-    surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
+    surfaces.upload(gpu, frame, &uniform, view.origin, &[], None);
+    let passes = surfaces.prepare(gpu, frame, &uniform, view.origin);
     let timer = &mut Timer::new(gpu, false, 0);
-    surfaces.record(gpu, &mut commands, frame, timer, PassNames::LIGHT);
+    surfaces.record(&passes, &mut commands, timer, PassNames::LIGHT);
     commands.submit();
     gpu.check()?;
-    let solids = Some(&surfaces.gbuffer.images.planes);
+    let solids = Some(&surfaces.images.gbuffer.planes);
     ViewLayers::read(gpu, surfaces.aggregate_layers(), surfaces.splash_layers(), solids)
 }
 
