@@ -37,16 +37,16 @@ impl Dirty {
     /// Everything is dirty.
     const ALL: Self = Self { splats: true, lights: true, surfaces: true, radiance: true };
 
-    /// Compares a frame with the last one; everything is dirty if there is none.
+    /// Compares a frame with the last one; everything is dirty if there is none. `splats`: its splats differ.
     pub(crate) fn since(
         last: Option<&LastFrame>,
         input: &FrameInput<'_>,
         config: ViewConfig,
+        splats: bool,
     ) -> Self {
-        let FrameInput { scene, view, splats, diagnose, .. } = *input;
+        let FrameInput { scene, view, diagnose, .. } = *input;
         let Some(last) = last else { return Self::ALL };
         let (old, new) = (&last.scene.settings, &scene.settings);
-        let splats = !same_splats(&last.splats, splats);
         let solids = last.scene.solids != scene.solids;
         let scene_lights = last.scene.lights != scene.lights;
         let absorption = last.scene.absorptions() != scene.absorptions();
@@ -80,6 +80,11 @@ impl Dirty {
 }
 
 impl LastFrame {
+    /// Whether the frame had these splats.
+    pub(crate) fn has_splats(&self, splats: &Splats) -> bool {
+        same_splats(&self.splats, splats)
+    }
+
     /// Stores the inputs of a frame, in the memory of the frame before.
     pub(crate) fn new(
         last: Option<Self>,

@@ -1,6 +1,7 @@
 //! The views of a frame's lights, and the caustic maps made from them.
 
 use glam::{DVec3, UVec2, Vec3};
+use rayon::prelude::*;
 
 use crate::error::{Limited, Result};
 use crate::gpu::{self, Commands, Gpu, Timer};
@@ -323,13 +324,15 @@ fn bulk(splats: &Splats) -> Option<Bulk> {
 
 /// The bounding box, m, of the splats whose centres lie in a box relative to their origin.
 fn around(splats: &Splats, (least, greatest): (DVec3, DVec3)) -> Option<(DVec3, DVec3)> {
-    let all = splats.aggregates.iter().chain(&splats.splashes);
+    let all = splats.aggregates.par_iter().chain(&splats.splashes);
     let within = |x: DVec3| least.cmple(x).all() && x.cmple(greatest).all();
     let all = all.filter(|splat| within(centre(splat)));
-    let (min, max) = all.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), splat| {
+    let boxes = all.map(|splat| {
         let (centre, radius) = (centre(splat), f64::from(splat.radius));
-        (min.min(centre - radius), max.max(centre + radius))
+        (centre - radius, centre + radius)
     });
+    let none = || (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (min, max) = boxes.reduce(none, |a, b| (a.0.min(b.0), a.1.max(b.1)));
     min.is_finite().then_some((splats.origin + min, splats.origin + max))
 }
 
@@ -338,6 +341,9 @@ fn centre(splat: &Splat) -> DVec3 {
     Vec3::from_array(splat.centre).as_dvec3()
 }
 
+/// Splats that a thread looks at together.
+const PART: usize = 1 << 14;
+
 /// Columns along each side of the grid that [`level`] uses.
 const COLUMNS: usize = 24;
 
@@ -345,15 +351,25 @@ const COLUMNS: usize = 24;
 /// of its columns differ little relative to its breadth.
 fn level(splats: &Splats, (min, max): (DVec3, DVec3)) -> Option<f64> {
     let breadth = (max - min).with_y(0.0);
-    let mut tops = [f64::NEG_INFINITY; COLUMNS * COLUMNS];
+    let none = || [f64::NEG_INFINITY; COLUMNS * COLUMNS];
     let within = |x: &DVec3| min.cmple(*x).all() && x.cmple(max).all();
-    let centres = splats.aggregates.iter().map(|splat| splats.origin + centre(splat));
-    for centre in centres.filter(within) {
-        let at = ((centre - min) / breadth.max(DVec3::splat(f64::MIN_POSITIVE))) * COLUMNS as f64;
-        let column = |x: f64| (x as usize).min(COLUMNS - 1);
-        let top = &mut tops[column(at.z) * COLUMNS + column(at.x)];
-        *top = top.max(centre.y);
-    }
+    // Of large parts: each has its tops.
+    let parts = splats.aggregates.par_chunks(PART).map(|part| {
+        let mut tops = none();
+        let centres = part.iter().map(|splat| splats.origin + centre(splat));
+        for centre in centres.filter(within) {
+            let at =
+                ((centre - min) / breadth.max(DVec3::splat(f64::MIN_POSITIVE))) * COLUMNS as f64;
+            let column = |x: f64| (x as usize).min(COLUMNS - 1);
+            let top = &mut tops[column(at.z) * COLUMNS + column(at.x)];
+            *top = top.max(centre.y);
+        }
+        tops
+    });
+    let higher = |a: [f64; COLUMNS * COLUMNS], b: [f64; COLUMNS * COLUMNS]| {
+        std::array::from_fn(|i| a[i].max(b[i]))
+    };
+    let tops = parts.reduce(none, higher);
     let mut tops: Vec<_> = tops.into_iter().filter(|top| top.is_finite()).collect();
     tops.sort_by(f64::total_cmp);
     let at = |share: f64| tops[((tops.len() - 1) as f64 * share) as usize];

@@ -1,6 +1,8 @@
 //! Particles and their classification into splats.
 
 mod between;
+#[doc(hidden)]
+pub mod blocks;
 pub mod bulk;
 pub mod classify;
 #[doc(hidden)]

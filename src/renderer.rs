@@ -11,6 +11,7 @@ use crate::frame::{FrameInput, Target};
 use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, SubmittedTimes, Timer};
 use crate::host::HostRays;
 use crate::lights::{Lights, PreparedLight};
+use crate::liquid::blocks::Blocks;
 use crate::memory;
 use crate::passes::bounds::Bounds;
 use crate::passes::caustics::CausticMap;
@@ -306,17 +307,20 @@ impl Renderer {
     /// except for refraction, which takes longest and is compiled later.
     fn prepare_views<'a>(&mut self, input: FrameInput<'a>) -> Result<Frame<'a>> {
         self.check(&input)?;
-        let input = FrameInput { view: drawn_view(&input)?, ..input };
+        let mut last = self.last.take().filter(|_| input.reuse);
+        let has_other_splats = !last.as_ref().is_some_and(|last| last.has_splats(input.splats));
+        if has_other_splats {
+            self.splat_set.upload(&self.gpu, input.splats);
+        }
+        let input = FrameInput { view: drawn_view(&input, &self.splat_set.blocks)?, ..input };
         if input.view.is_orthographic() != self.camera_view.camera.is_orthographic() {
             self.camera_view = ViewPasses::new(&self.gpu, input.view.is_orthographic());
-            self.last = None;
+            last = None;
         }
-        let mut frame = Frame::new(self, input);
+        let mut frame =
+            Frame::new(&self.gpu, input, &self.splat_set.blocks, last, has_other_splats);
         self.resize(&frame);
         let (gpu, eye) = (&self.gpu, input.view.eye);
-        if frame.dirty.splats {
-            self.splat_set.upload(gpu, input.splats);
-        }
         self.meshes.prepare(gpu, input.scene)?;
         let inputs = frame.inputs(&self.splat_set, &self.meshes);
         let lights = match frame.dirty.lights {
@@ -462,7 +466,7 @@ impl Renderer {
 }
 
 /// The view to draw for a frame's: another if it is from very far away.
-fn drawn_view(input: &FrameInput<'_>) -> Result<View> {
+fn drawn_view(input: &FrameInput<'_>, blocks: &Blocks) -> Result<View> {
     let FrameInput { scene, view, splats, size, .. } = *input;
     let drawn = match input.host {
         Some(_) => view,
@@ -473,7 +477,8 @@ fn drawn_view(input: &FrameInput<'_>) -> Result<View> {
             "it is too far away for images beside the picture, which are measured from it";
         return Err(Error::invalid("camera", problem));
     }
-    Ok(view_range::clear_of_liquid(drawn, splats, size, scene.settings.classify.support))
+    let support = scene.settings.classify.support;
+    Ok(view_range::clear_of_liquid(drawn, splats, blocks, size, support))
 }
 
 /// A frame that is prepared: its inputs, and the configuration of its passes.
@@ -504,15 +509,21 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    fn new(renderer: &mut Renderer, input: FrameInput<'a>) -> Self {
+    fn new(
+        gpu: &Gpu,
+        input: FrameInput<'a>,
+        blocks: &Blocks,
+        last: Option<LastFrame>,
+        has_other_splats: bool,
+    ) -> Self {
         let FrameInput { scene, view, splats, size, host, diagnose, .. } = input;
-        let (gpu, settings) = (&renderer.gpu, &scene.settings);
+        let settings = &scene.settings;
         let screen_solids =
             settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
         let splash = !splats.splashes.is_empty();
         let gaps = gaps::count(&settings.layers, settings.refract.interfaces, splats);
         let variant = Variant::new(scene, splash, gaps, host.is_some(), diagnose);
-        let starts_inside = view_range::may_start_inside(splats, &view, size);
+        let starts_inside = view_range::may_start_inside(splats, blocks, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
         let work = work.max(smooth::work(&settings.smooth));
@@ -530,8 +541,7 @@ impl<'a> Frame<'a> {
             tags: input.surface.is_some(),
             sections: Sections::for_work(gpu, size, work),
         };
-        let last = renderer.last.take().filter(|_| input.reuse);
-        let mut dirty = Dirty::since(last.as_ref(), &input, config);
+        let mut dirty = Dirty::since(last.as_ref(), &input, config, has_other_splats);
         // What the host has drawn into its textures is not known.
         dirty.surfaces |= host.is_some();
         dirty.radiance |= host.is_some();

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use crate::camera::{CameraUniform, Lens, Projection, View};
 use crate::error::{Error, Result};
+use crate::liquid::blocks::{Block, Blocks};
 use crate::liquid::classify::{self, Splat, Splats};
 use crate::scene::{Scene, Shape, Solid, Surface};
 
@@ -193,7 +194,13 @@ fn hides_nothing(
 /// Moves a default near plane in front of the liquid, if the eye is outside the liquid but nearer to
 /// it than that plane. Otherwise the liquid would count as surrounding the eye: a low eye with a far
 /// target would look out of the water.
-pub(crate) fn clear_of_liquid(view: View, splats: &Splats, size: UVec2, support: f32) -> View {
+pub(crate) fn clear_of_liquid(
+    view: View,
+    splats: &Splats,
+    blocks: &Blocks,
+    size: UVec2,
+    support: f32,
+) -> View {
     /// Near plane over the distance to the liquid, less than 1 because smoothing may move a surface nearer.
     const NEAR_SHARE: f64 = 0.5;
     /// Least near plane, over the origin's distance and over a radius: any nearer, 32-bit floats cannot
@@ -219,10 +226,9 @@ pub(crate) fn clear_of_liquid(view: View, splats: &Splats, size: UVec2, support:
         let norm = to_sphere.to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt();
         (((to_sphere * offset).length() - 1.0) / norm).max(distance - reach)
     };
-    let all = splats.aggregates.par_iter().chain(&splats.splashes);
-    let nearest = all.map(clearance).reduce(|| f64::INFINITY, f64::min);
-    let outside = nearest > 0.0 && !classify::is_inside(splats, eye, support);
-    if nearest >= farthest || !outside {
+    let near = |block: &Block| block.distance(eye) - f64::from(block.longest) < farthest;
+    let nearest = blocks.splats_where(splats, near).map(clearance).fold(f64::INFINITY, f64::min);
+    if nearest >= farthest || nearest <= 0.0 || classify::is_inside(splats, eye, support) {
         return view;
     }
     let least = (MIN_SHARES.0 * eye.length()).max(MIN_SHARES.1 * f64::from(splats.radius));
@@ -253,7 +259,7 @@ pub(crate) fn farthest_depth(splats: &Splats, view: &View) -> f64 {
 
 /// Whether a pixel's ray may start inside the liquid. It then leaves through a back, even if rays are
 /// followed through one interface only.
-pub(crate) fn may_start_inside(splats: &Splats, view: &View, size: UVec2) -> bool {
+pub(crate) fn may_start_inside(splats: &Splats, blocks: &Blocks, view: &View, size: UVec2) -> bool {
     let (from_eye, ahead) = (splats.origin - view.eye, view.ahead());
     if view.is_orthographic() {
         return splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
@@ -264,7 +270,11 @@ pub(crate) fn may_start_inside(splats: &Splats, view: &View, size: UVec2) -> boo
     let uniform = view.uniform(size, splats.origin, 0.0);
     // Distance from the eye to the near plane's corners, with a margin for planes at grazing angles.
     let near = 32.0 * uniform.near * farthest_corner(&uniform);
-    splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
+    let eye = -uniform.origin.as_dvec3();
+    // With a margin for rounding below.
+    let beside = 1.01 * f64::from(near) + 1e-5 * eye.length();
+    let reaches = |block: &Block| block.distance(eye) <= 1.01 * f64::from(block.longest) + beside;
+    blocks.splats_where(splats, reaches).any(|splat| {
         (uniform.origin + Vec3::from_array(splat.centre)).length()
             <= 1.001 * splat.longest() as f32 + near
     })

@@ -110,9 +110,9 @@ fn splash_gap(texel: vec2i, gap: i32) -> Slab {
     return Slab(front, back);
 }
 
-// A slab without a gap in it, between `gap.back` and `gap.front`; `last` is the slab's back before any gap was
-// taken from it, nearest first: its part on that side of the gap where the ray's point at tau is. In the gap, the part that the ray has left. Smoothing may move a gap's
-// front in front of its back: then there is no gap.
+// A slab without a gap in it, between `gap.back` and `gap.front`: its part on that side of the gap where the ray's
+// point at tau is; in the gap, the part that the ray has left. `last` is the slab's back before any gap was taken from
+// it, nearest first. Smoothing may move a gap's front in front of its back: then there is no gap.
 fn without_gap(slab: Slab, gap: Slab, last: vec3f, ray: ScreenRay, tau: f32, rounding: f32) -> Slab {
     let before = screen_ray_residual(ray, gap.back, tau) <= rounding;
     let after = screen_ray_residual(ray, gap.front, tau) >= -rounding;

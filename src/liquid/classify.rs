@@ -98,6 +98,12 @@ impl Splat {
         self.axes().to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt()
     }
 
+    /// Upper bound on the semi-axes, m: the largest sum of a row of |A|.
+    pub(crate) fn reach(&self) -> f32 {
+        let ([a, b, c], [d, e, f]) = (self.diagonal.map(f32::abs), self.off_diagonal.map(f32::abs));
+        (a + d + e).max(d + b + f).max(e + f + c)
+    }
+
     /// Index of the fluid in the scene.
     pub fn fluid(&self) -> u32 {
         self.tags & (Self::BURIED - 1)

@@ -3,6 +3,7 @@
 use bytemuck::Zeroable;
 
 use crate::gpu::{self, Gpu};
+use crate::liquid::blocks;
 use crate::liquid::classify::Splat as SplatData;
 
 /// Splats of one binding.
@@ -40,6 +41,8 @@ impl SplatBuffers {
         let limits = gpu.device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let most = (bytes as usize / size_of::<SplatData>()).max(1);
+        // Whole blocks, where one fits.
+        let most = if most < blocks::SIZE { most } else { most / blocks::SIZE * blocks::SIZE };
         self.chunks.truncate(splats.len().div_ceil(most).max(1));
         // Something must be bound.
         let nothing = [SplatData::zeroed()];

@@ -18,6 +18,7 @@ use super::{CameraBinding, GBufferImages, Layers};
 use crate::camera::CameraUniform;
 use crate::gpu::{Commands, Gpu, Timer};
 use crate::light_view::PlacedView;
+use crate::liquid::blocks::Blocks;
 use crate::liquid::classify::{Eye, Splats, seen_past_walls};
 use crate::scene::Scene;
 
@@ -28,23 +29,22 @@ pub struct SplatSet {
     pub aggregates: SplatBuffers,
     /// Droplets.
     pub splashes: SplatBuffers,
-    /// Whether there are bodies or sheets of particles of other radii than most.
-    pub radii_differ: bool,
+    /// Both by blocks.
+    pub blocks: Blocks,
 }
 
 impl SplatSet {
     /// Creates empty lists.
     pub fn new(gpu: &Gpu) -> Self {
         let [aggregates, splashes] = [(); 2].map(|()| SplatBuffers::new(gpu));
-        Self { aggregates, splashes, radii_differ: false }
+        Self { aggregates, splashes, blocks: Blocks::default() }
     }
 
     /// Uploads a frame's splats.
     pub fn upload(&mut self, gpu: &Gpu, splats: &Splats) {
         self.aggregates.upload(gpu, &splats.aggregates);
         self.splashes.upload(gpu, &splats.splashes);
-        let radius = splats.radius;
-        self.radii_differ = splats.aggregates.iter().any(|splat| splat.radius != radius);
+        self.blocks = Blocks::new(splats);
     }
 }
 
@@ -263,14 +263,22 @@ impl ViewPasses {
             None => (frame.splats, frame.splat_set),
         };
         let listed = [
-            Listed { splats: &splats.aggregates, buffers: &set.aggregates },
-            Listed { splats: &splats.splashes, buffers: &set.splashes },
+            Listed {
+                splats: &splats.aggregates,
+                blocks: &set.blocks.aggregates,
+                buffers: &set.aggregates,
+            },
+            Listed {
+                splats: &splats.splashes,
+                blocks: &set.blocks.splashes,
+                buffers: &set.splashes,
+            },
         ];
         let swell = if gaps > 0 { gaps::CLOSING } else { 1.0 };
         let kept = &mut images.bins;
         let bins = Bins::prepare(gpu, camera, uniform, listed, swell, config.mixture, kept);
 
-        let (sizes, radius) = (set.radii_differ, frame.splats.radius);
+        let (sizes, radius) = (set.blocks.radii_differ, frame.splats.radius);
         let layers = [&images.splat.aggregate, &images.splat.splash];
         let layers = &layers[..if config.splash { 2 } else { 1 }];
         let splash = layers.get(1).copied();
