@@ -20,7 +20,7 @@ pub struct Block {
     pub max: Vec3,
     /// Greatest [`Splat::longest`], m.
     pub longest: f32,
-    /// Greatest [`Splat::reach`], m.
+    /// Greatest sum of a row of |A| of a splat, m: another bound on the semi-axes.
     pub reach: f32,
     /// Their mean, m.
     pub mean_reach: f32,
