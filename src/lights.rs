@@ -108,6 +108,7 @@ impl Lights {
                 backs,
                 gaps,
                 smooth: !frame.fits.is_empty() || gaps > 0,
+                bounds: false,
                 tags: false,
                 sections,
             };

@@ -13,15 +13,15 @@ use crate::host::HostRays;
 use crate::lights::{Lights, PreparedLight};
 use crate::liquid::blocks::Blocks;
 use crate::memory;
-use crate::passes::bounds::Bounds;
 use crate::passes::caustics::CausticMap;
 use crate::passes::gaps;
-use crate::passes::host;
+use crate::passes::host::Host;
 use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::{self, Mips};
-use crate::passes::refract::{self, Refract, Variant};
+use crate::passes::refract::{self, Refract, RefractImages, Variant};
+use crate::passes::scene_binding::SceneVariant;
 use crate::passes::smooth;
-use crate::passes::surface::{self, Surface, SurfaceImages};
+use crate::passes::surface::{self, Surface, SurfaceBuffers, SurfaceImages};
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
 use crate::passes::view_passes::{
@@ -45,15 +45,14 @@ pub struct Renderer {
     meshes: MeshBuffers,
     lights: Lights,
     camera_view: ViewPasses,
-    host_gbuffer: host::Host,
     background: Background,
-    mips: Option<Mips>,
-    bounds: Option<Bounds>,
-    refract: Refract,
-    surface_images: Surface,
+    picture: RefractImages,
+    surface: SurfaceBuffers,
     tonemap: Tonemap,
     composite: Tonemap,
     sized_for: (UVec2, bool),
+    /// Refraction of the last picture.
+    compiled: Option<(Variant, SceneVariant)>,
     /// Inputs of the last frame; `None` after an error, or without [`FrameInput::reuse`].
     last: Option<LastFrame>,
     /// Times of the last frame that the caller submits.
@@ -106,15 +105,13 @@ impl Renderer {
             meshes: MeshBuffers::new(gpu),
             lights: Lights::default(),
             camera_view: ViewPasses::new(gpu, false),
-            host_gbuffer: host::Host::new(gpu),
             background: Background::default(),
-            mips: None,
-            bounds: None,
-            refract: Refract::new(gpu),
-            surface_images: Surface::new(gpu),
+            picture: RefractImages::new(gpu, UVec2::ONE, false),
+            surface: SurfaceBuffers::new(gpu),
             tonemap: Tonemap::new(gpu, false),
             composite: Tonemap::new(gpu, true),
             sized_for: (UVec2::ONE, false),
+            compiled: None,
             last: None,
             pending_times: None,
             pending_rays: None,
@@ -153,20 +150,20 @@ impl Renderer {
         input: FrameInput<'_>,
         target: impl Into<Target<'a>>,
     ) -> Result<Option<SubmittedTimes>> {
-        let frame = self.prepare_views(input)?;
+        let mut frame = self.prepare_views(input)?;
         let gpu = &self.gpu.clone();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let (mut timer, mut commands) = (self.timer(&frame), Commands::new(gpu, &mut encoder));
         self.record_views(&frame, &mut commands, &mut timer);
-        if !self.refract.is_compiled(frame.variant, &self.camera_view) {
+        if self.compiled != Some((frame.variant, self.camera_view.scene.variant)) {
             // The device starts drawing while the largest shaders compile.
             commands.submit();
         }
-        self.prepare_picture(&frame);
+        self.prepare_picture(&mut frame);
         self.pending_rays = self.record_picture(&frame, &mut commands, &mut timer);
         let span = timer.span("tonemap");
         let target = self.tonemap.prepare(gpu, &input.scene.settings.tonemap, target.into());
-        self.tonemap.record(gpu, commands.encoder, &self.refract.radiance, &target, span);
+        self.tonemap.record(gpu, commands.encoder, &self.picture.radiance, &target, span);
         let times = PendingTimes::record(gpu, timer, commands.encoder);
         commands.submit();
 
@@ -186,8 +183,8 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn prepare<'a>(&mut self, input: FrameInput<'a>) -> Result<Frame<'a>> {
-        let frame = self.prepare_views(input)?;
-        self.prepare_picture(&frame);
+        let mut frame = self.prepare_views(input)?;
+        self.prepare_picture(&mut frame);
         Ok(frame)
     }
 
@@ -211,7 +208,7 @@ impl Renderer {
         target: impl Into<Target<'a>>,
     ) {
         let target = self.tonemap.prepare(&self.gpu, settings, target.into());
-        let (radiance, span) = (&self.refract.radiance, Span::default());
+        let (radiance, span) = (&self.picture.radiance, Span::default());
         self.tonemap.record(&self.gpu, encoder, radiance, &target, span);
     }
 
@@ -226,14 +223,14 @@ impl Renderer {
     ) {
         let linear = settings::Tonemap::default();
         let target = self.composite.prepare(&self.gpu, &linear, Target::View(target, format));
-        let (radiance, span) = (&self.refract.radiance, Span::default());
+        let (radiance, span) = (&self.picture.radiance, Span::default());
         self.composite.record(&self.gpu, encoder, radiance, &target, span);
     }
 
     /// The linear picture of the last frame: RGB radiance and coverage, 32-bit floats. A frame of another
     /// size replaces the texture.
     pub fn radiance(&self) -> &wgpu::Texture {
-        &self.refract.radiance.texture
+        &self.picture.radiance.texture
     }
 
     /// Takes the linear picture of the last frame, as [`Renderer::radiance`], for a caller who reads it later or
@@ -241,7 +238,7 @@ impl Renderer {
     pub fn take_radiance(&mut self, spare: Option<wgpu::Texture>) -> wgpu::Texture {
         // The images of this frame are no more those of the renderer.
         self.last = None;
-        self.refract.take_radiance(&self.gpu, spare)
+        self.picture.take_radiance(&self.gpu, spare)
     }
 
     /// The times of the passes of the last recorded frame, once the device has finished it; `None` before,
@@ -298,7 +295,7 @@ impl Renderer {
         self.camera_view.resize(&self.gpu, frame.config);
         let size = (frame.config.size, frame.input.diagnose);
         if self.sized_for != size {
-            self.refract.resize(&self.gpu, size.0, size.1);
+            self.picture = RefractImages::new(&self.gpu, size.0, size.1);
             self.sized_for = size;
         }
     }
@@ -333,8 +330,15 @@ impl Renderer {
         let view = surfaces.then(|| self.camera_view.prepare(gpu, inputs, &frame.uniform, eye));
         (frame.lights, frame.view) = (lights, view);
         self.background.prepare(gpu, input.scene.background.as_ref(), input.size)?;
-        if let Some(host) = input.host {
-            self.host_gbuffer.prepare(gpu, &self.camera_view.camera, host, frame.uniform.far);
+        let ViewPasses { camera, images, .. } = &self.camera_view;
+        let of_host = |host| Host::prepare(gpu, camera, host, frame.uniform.far, &images.gbuffer);
+        frame.host = input.host.map(of_host);
+        if frame.dirty.surfaces && frame.variant.mips() {
+            let mut layers = vec![&self.camera_view.aggregate_layers().texture];
+            layers.extend(self.camera_view.splash_layers().map(|splash| &splash.texture));
+            let on_screen = frame.screen_solids || input.host.is_some();
+            layers.extend(on_screen.then_some(&images.gbuffer.planes));
+            frame.mips = Some(Mips::prepare(gpu, &layers));
         }
         if let Some(motion) = input.surface {
             let FrameInput { view, size, .. } = input;
@@ -345,34 +349,37 @@ impl Renderer {
                 host: input.host.is_some(),
                 samples: frame.variant.samples,
             };
-            frame.surface = Some(request);
-            self.surface_images.prepare(gpu, &self.camera_view, request, motion, &params, size)?;
+            let (eye, kept) = (&self.camera_view, &mut self.surface);
+            let surface = Surface::prepare(gpu, eye, request, motion, &params, size, kept)?;
+            frame.surface = Some(surface);
         }
         // Drivers may crash where they compile without memory.
         gpu.check()?;
         Ok(frame)
     }
 
-    /// Uploads the parameters of refraction and compiles it.
-    fn prepare_picture(&mut self, frame: &Frame<'_>) {
-        let (camera, scene) = (&self.camera_view.camera, &self.camera_view.scene);
+    /// Prepares refraction, if the radiance is dirty.
+    fn prepare_picture(&mut self, frame: &mut Frame<'_>) {
+        if !frame.dirty.radiance {
+            return;
+        }
+        let eye = &self.camera_view;
+        let behind = match frame.input.host {
+            Some(host) => Some(&host.color),
+            None => self.background.view(),
+        };
         let structure = frame.input.scene.settings.refract.structure;
-        let params = frame.refract_params();
-        self.refract.prepare(&self.gpu, camera, scene, frame.variant, &params, structure);
-        if frame.variant.mips() {
-            self.mips.get_or_insert_with(|| Mips::new(&self.gpu));
-        }
-        if frame.variant.bounds {
-            let bounds = self.bounds.get_or_insert_with(|| Bounds::new(&self.gpu));
-            bounds.prepare(&self.gpu, camera, frame.config.size, frame.config.splash);
-        }
+        let params = &frame.refract_params();
+        let inputs = refract::Inputs { eye, params, structure, behind, work: frame.work };
+        frame.refract = Some(Refract::prepare(&self.gpu, frame.variant, inputs, &mut self.picture));
+        self.compiled = Some((frame.variant, eye.scene.variant));
     }
 
     /// A timer for all passes of a frame.
     fn timer(&self, frame: &Frame<'_>) -> Timer {
-        // Those of the views; then host, mips, bounds, refract, surface and tonemap, and the caustics of each light.
+        // Those of the views; then host, mips, refract, surface and tonemap, and the caustics of each light.
         let of_lights = (PassNames::COUNT + 1) * self.lights.views().len();
-        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 6 + of_lights)
+        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 5 + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
@@ -382,51 +389,30 @@ impl Renderer {
         if let Some(view) = &frame.view {
             self.camera_view.record(view, commands, timer, PassNames::CAMERA);
         }
-        if let Some(host) = frame.input.host {
-            let ViewPasses { camera, images, .. } = &self.camera_view;
-            let (encoder, span) = (&mut *commands.encoder, timer.span("host"));
-            self.host_gbuffer.record(&self.gpu, encoder, camera, host, &images.gbuffer, span);
+        if let Some(host) = &frame.host {
+            host.record(commands.encoder, &self.camera_view.camera, timer.span("host"));
+        }
+        if let Some(mips) = &frame.mips {
+            mips.record(commands.encoder, timer.span("mips"));
         }
     }
 
-    /// Records mip levels and refraction, as far as they are dirty, and the readback of the counts of rays
-    /// with a host.
+    /// Records refraction and the images of the first interface, as far as they are prepared, and the readback of the
+    /// counts of rays with a host.
     fn record_picture(
         &self,
         frame: &Frame<'_>,
         commands: &mut Commands<'_>,
         timer: &mut Timer,
     ) -> Option<Pending> {
-        let dirty = frame.dirty;
-        if let Some(mips) = self.mips.as_ref().filter(|_| dirty.surfaces && frame.variant.mips()) {
-            let mut layers = vec![&self.camera_view.aggregate_layers().texture];
-            layers.extend(self.camera_view.splash_layers().map(|splash| &splash.texture));
-            let on_screen = frame.screen_solids || frame.input.host.is_some();
-            layers.extend(on_screen.then_some(&self.camera_view.images.gbuffer.planes));
-            mips.record(&self.gpu, commands.encoder, &layers, timer.span("mips"));
+        let eye = &self.camera_view;
+        if let Some(refract) = &frame.refract {
+            refract.record(commands, eye, timer.span("refract"));
         }
-        let reads_bounds = dirty.surfaces && frame.variant.bounds;
-        if let Some(bounds) = self.bounds.as_ref().filter(|_| reads_bounds) {
-            let span = timer.span("bounds");
-            bounds.record(&self.gpu, commands.encoder, &self.camera_view, span);
+        if let Some(surface) = &frame.surface {
+            surface.record(commands.encoder, eye, timer.span("surface"));
         }
-        if dirty.radiance {
-            let span = timer.span("refract");
-            let (variant, work) = (frame.variant, frame.work);
-            let behind = match frame.input.host {
-                Some(host) => Some(&host.color),
-                None => self.background.view(),
-            };
-            let bounds = self.bounds.as_ref();
-            self.refract.record(commands, &self.camera_view, bounds, (variant, work), behind, span);
-        }
-        let (gpu, refract) = (&self.gpu, &self.refract);
-        if let Some(request) = frame.surface {
-            let view = &self.camera_view;
-            let (encoder, span) = (&mut *commands.encoder, timer.span("surface"));
-            self.surface_images.record(gpu, encoder, view, request, span);
-        }
-        frame.input.host.map(|_| refract.record_host_rays(gpu, commands.encoder))
+        frame.input.host.map(|_| self.picture.record_host_rays(&self.gpu, commands.encoder))
     }
 
     /// Discards the last frame, so that the next one runs all passes: for measuring the time of a
@@ -448,19 +434,19 @@ impl Renderer {
 
     /// The intermediate images of the last frame.
     pub fn images(&self) -> Images {
-        let (view, refract) = (&self.camera_view, &self.refract);
+        let (view, picture) = (&self.camera_view, &self.picture);
         Images {
             aggregate: view.images.splat.aggregate.clone(),
             smoothed: view.aggregate_layers().clone(),
             splash: view.splash_layers().cloned(),
             gbuffer: view.has_gbuffer().then(|| view.images.gbuffer.clone()),
             caustics: self.lights.caustic_maps(),
-            surface: self.shows_surface.then(|| self.surface_images.images.clone()).flatten(),
+            surface: self.shows_surface.then(|| self.surface.images.clone()).flatten(),
             fluids: self.fluids,
-            radiance: refract.radiance.clone(),
+            radiance: picture.radiance.clone(),
             transparent: self.transparent,
             orthographic: view.camera.is_orthographic(),
-            diagnostics: self.sized_for.1.then(|| refract.diagnostics.clone()),
+            diagnostics: self.sized_for.1.then(|| picture.diagnostics.clone()),
         }
     }
 }
@@ -496,12 +482,18 @@ pub struct Frame<'a> {
     starts_inside: bool,
     /// Rays intersect solids in the G-buffer.
     screen_solids: bool,
-    /// Images of the first interface, if they are drawn.
-    surface: Option<surface::Request>,
     /// Passes of the lights' views, if those are drawn.
     lights: Vec<PreparedLight>,
     /// Passes of the camera's view, if that is drawn.
     view: Option<PreparedView>,
+    /// The G-buffer of a host's scene.
+    host: Option<Host>,
+    /// Mip levels of the layers, if the intersector reads them.
+    mips: Option<Mips>,
+    /// The picture, if it is drawn.
+    refract: Option<Refract>,
+    /// Images of the first interface, if they are drawn.
+    surface: Option<Surface>,
     /// The frame before.
     last: Option<LastFrame>,
     /// What differs from it.
@@ -538,6 +530,7 @@ impl<'a> Frame<'a> {
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
             gaps,
             smooth: !fits.is_empty() || gaps > 0,
+            bounds: variant.bounds,
             tags: input.surface.is_some(),
             sections: Sections::for_work(gpu, size, work),
         };
@@ -556,9 +549,12 @@ impl<'a> Frame<'a> {
             work,
             starts_inside,
             screen_solids,
-            surface: None,
             lights: Vec::new(),
             view: None,
+            host: None,
+            mips: None,
+            refract: None,
+            surface: None,
             last,
             dirty,
         }

@@ -24,7 +24,7 @@ use limpid::passes::Radiance;
 use limpid::passes::tonemap::Tonemap;
 use limpid::renderer::Renderer;
 use limpid::scene::{Scene, Shape};
-use limpid::settings::{Classify, Settings, Solids};
+use limpid::settings::{Classify, Settings, Solids, Solver};
 use limpid::wgpu;
 
 const SIZE: UVec2 = UVec2::new(120, 90);
@@ -145,6 +145,25 @@ fn frames_do_not_depend_on_each_other() {
     let difference = largest_difference(&plain, &first[0]);
     println!("without counting: {difference:e}");
     assert!(plain.picture == first[0].picture && difference < 1e-6, "{difference}");
+}
+
+/// An intersector that reads the bounds of the layers finds those of this frame, whichever one drew its layers.
+/// Without them it skipped all liquid that rays enter again.
+#[test]
+fn bounds_are_found_where_another_intersector_drew_the_layers() {
+    let Some(gpu) = gpu() else { return };
+    let (guarded, camera, drawn) = tank();
+    let mut march = guarded.clone();
+    march.settings.refract.solver = Solver::March;
+    let nothing = Splats { radius: drawn.radius, ..Default::default() };
+    let mut kept = Renderer::new(&gpu);
+    let mut draw = |scene: &Scene, splats: &Splats| {
+        render(&gpu, &mut kept, FrameInput::new(scene, &camera, splats, SIZE))
+    };
+    let expected = draw(&guarded, &drawn);
+    draw(&guarded, &nothing);
+    draw(&march, &drawn);
+    assert_same(&draw(&guarded, &drawn), &expected, "after another intersector");
 }
 
 /// Features that a scene lacks are compiled out, with the same picture as if they were present without

@@ -1,9 +1,10 @@
 //! Mip levels of the layers: `shaders/mips/`. Only the intersectors that filter read them.
 
-use wgpu::TextureViewDimension::{self, D2, D2Array};
+use wgpu::BindingResource::TextureView;
+use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::Layers;
-use crate::gpu::{self, Gpu, Span};
+use crate::gpu::{self, Bound, Gpu, Span};
 
 /// Most mip levels of a layer, as in `common/layers.wgsl`.
 const MIP_LEVELS: u32 = 8;
@@ -16,61 +17,56 @@ pub fn levels(size: glam::UVec2) -> u32 {
 /// Generates mip levels from level 0.
 #[derive(Debug)]
 pub struct Mips {
-    layers: Downsampler,
-    planes: Downsampler,
+    /// From finer levels to coarser ones.
+    steps: Vec<Step>,
 }
 
-/// Downsamples textures of one view dimension.
 #[derive(Debug)]
-struct Downsampler {
-    dimension: TextureViewDimension,
+struct Step {
     pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
+    levels: Bound,
+    groups: [u32; 3],
 }
 
 impl Mips {
-    /// Compiles the pipelines.
-    pub fn new(gpu: &Gpu) -> Self {
-        let downsampler = |file, dimension| {
-            let bindings =
-                [gpu::sampled(dimension), gpu::storage_texture(Layers::FORMAT, dimension)];
-            let layout = gpu.layout("mips", wgpu::ShaderStages::COMPUTE, &bindings);
-            let pipeline = gpu::compute_pipeline(gpu, file, "coarsen", &[&layout], &[]);
-            Downsampler { dimension, pipeline, layout }
+    /// Prepares the mip levels of `textures`, with or without layers.
+    pub fn prepare(gpu: &Gpu, textures: &[&wgpu::Texture]) -> Self {
+        let step = |texture: &wgpu::Texture, level: u32| {
+            let (shader, dimension) = match texture.depth_or_array_layers() {
+                1 => ("mips/planes.wgsl", D2),
+                _ => ("mips/layers.wgsl", D2Array),
+            };
+            let [finer, coarser] =
+                [level - 1, level].map(|level| gpu::level_view(texture, level, dimension));
+            let bindings = [
+                (gpu::sampled(dimension), TextureView(&finer)),
+                (gpu::storage_texture(Layers::FORMAT, dimension), TextureView(&coarser)),
+            ];
+            let levels = gpu::bind(gpu, "mips", &bindings);
+            let pipeline = gpu::compute_pipeline(gpu, shader, "coarsen", &[&levels.layout], &[]);
+            let size = glam::UVec2::new(texture.width(), texture.height());
+            let (x, y) = gpu::workgroups((size >> level).max(glam::UVec2::ONE));
+            // The sides of gaps are read at level 0 alone.
+            let groups = [x, y, texture.depth_or_array_layers().min(2)];
+            Step { pipeline, levels, groups }
         };
-        Self {
-            layers: downsampler("mips/layers.wgsl", D2Array),
-            planes: downsampler("mips/planes.wgsl", D2),
+        let mut steps = Vec::new();
+        for texture in textures {
+            steps.extend((1..texture.mip_level_count()).map(|level| step(texture, level)));
         }
+        Self { steps }
     }
 
-    /// Records the mip levels of `textures`, with or without layers.
-    pub fn record(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        textures: &[&wgpu::Texture],
-        span: Span<'_>,
-    ) {
+    /// Records the mip levels.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, span: Span<'_>) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("mips"),
             timestamp_writes: span.compute(),
         });
-        for texture in textures {
-            let downsampler =
-                if texture.depth_or_array_layers() > 1 { &self.layers } else { &self.planes };
-            pass.set_pipeline(&downsampler.pipeline);
-            for level in 1..texture.mip_level_count() {
-                let [finer, coarser] =
-                    [level - 1, level].map(|l| gpu::level_view(texture, l, downsampler.dimension));
-                let resources = [&finer, &coarser].map(wgpu::BindingResource::TextureView);
-                let group = gpu::bind_group(gpu, "mips", &downsampler.layout, &resources);
-                pass.set_bind_group(0, &group, &[]);
-                let size = glam::UVec2::new(texture.width(), texture.height());
-                let (x, y) = gpu::workgroups((size >> level).max(glam::UVec2::ONE));
-                // The sides of gaps are read at level 0 alone.
-                pass.dispatch_workgroups(x, y, texture.depth_or_array_layers().min(2));
-            }
+        for Step { pipeline, levels, groups: [x, y, z] } in &self.steps {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &levels.group, &[]);
+            pass.dispatch_workgroups(*x, *y, *z);
         }
     }
 }

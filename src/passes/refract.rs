@@ -3,20 +3,17 @@
 //! The shader is specialised for the frame's features (splashes, absorption, solids that liquid can wet),
 //! for the intersector and for all loop counts; each specialisation is compiled once and kept.
 
-use std::collections::HashMap;
-
 use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
+use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
-use super::bounds::Bounds;
 use super::mixture;
-use super::scene_binding::{SceneBinding, SceneVariant};
 use super::tiles::TileLists;
 use super::view_passes::ViewPasses;
-use super::{CameraBinding, Layers, Radiance};
+use super::{Layers, Radiance};
 use crate::environment::EvenLight;
-use crate::gpu::{self, Commands, Gpu, Pending, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Pending, Span};
 use crate::scene::{Scene, Shape, Solid};
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 
@@ -191,100 +188,85 @@ impl Variant {
 /// Bytes before a list of pixels: the number of them, of rays and of fallbacks.
 const LIST_COUNTS: u64 = 12;
 
+/// The picture of a frame, and memory between its passes.
 #[derive(Debug)]
-struct Pipelines {
-    liquid: wgpu::ComputePipeline,
-    background: wgpu::ComputePipeline,
-    edges: wgpu::ComputePipeline,
+pub struct RefractImages {
+    /// The linear picture.
+    pub radiance: Radiance,
+    /// The picture with one ray per pixel, of adaptive variants.
+    first_radiance: wgpu::Texture,
+    /// When counting: interfaces, length inside (m), solver iterations, solver failures; otherwise one pixel.
+    pub diagnostics: wgpu::Texture,
+    /// Background pixels that contain an edge, then liquid pixels whose picture has structure.
+    listed: PixelList,
 }
 
 /// Pixels gathered to be drawn together: `refract/lists.wgsl`.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct PixelList {
     /// Counts of pixels, of rays and of fallbacks, then pixels.
     list: wgpu::Buffer,
     /// Arguments of the indirect dispatch over them.
     dispatch: wgpu::Buffer,
-    gather: wgpu::BindGroup,
-    draw: wgpu::BindGroup,
 }
 
-/// Pixels whose picture has structure: `refract/structure.wgsl`.
-#[derive(Debug)]
-struct Structure {
-    /// Without and with splashes, for perspective and orthographic views; compiled on first use.
-    find: [[Option<wgpu::ComputePipeline>; 2]; 2],
-    params: wgpu::Buffer,
-    layout: wgpu::BindGroupLayout,
+/// Inputs of a frame's picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Inputs<'a> {
+    /// The drawn view. Its bounds are read if [`Variant::bounds`] is set.
+    pub eye: &'a ViewPasses,
+    pub params: &'a Params,
+    /// [`settings::Refract::structure`].
+    pub structure: f32,
+    /// A host's colour, or the background.
+    pub behind: Option<&'a wgpu::TextureView>,
+    /// [`work`] per pixel.
+    pub work: u64,
 }
 
 /// Draws the liquid, and everything visible through and beside it.
 #[derive(Debug)]
 pub struct Refract {
-    /// Output.
-    pub radiance: Radiance,
-    /// The picture with one ray per pixel, of adaptive variants.
-    first_radiance: wgpu::Texture,
-    /// Output when counting: interfaces, length inside (m), solver iterations, solver failures.
-    pub diagnostics: wgpu::Texture,
-    /// By variants, and whether the view is orthographic.
-    pipelines: HashMap<(Variant, SceneVariant, bool), Pipelines>,
-    /// The further rays of adaptive variants.
-    structured: HashMap<(Variant, SceneVariant, bool), wgpu::ComputePipeline>,
-    structure: Structure,
-    params: wgpu::Buffer,
-    /// Without and with mip levels of the layers.
-    layouts: [wgpu::BindGroupLayout; 2],
-    list_layouts: [wgpu::BindGroupLayout; 2],
-    /// Background pixels that contain an edge, then liquid pixels whose picture has structure.
+    liquid: wgpu::ComputePipeline,
+    background: wgpu::ComputePipeline,
+    edges: wgpu::ComputePipeline,
+    sections: Vec<Section>,
+    tiles: TileLists,
     listed: PixelList,
+    gather: Bound,
+    draw: Bound,
+    structured: Option<Structured>,
+    work: u64,
 }
 
-impl Refract {
-    /// Creates the layout; pipelines are compiled on first use.
-    pub fn new(gpu: &Gpu) -> Self {
-        let layout = |layers: wgpu::BindingType| {
-            let bindings = [
-                gpu::uniform::<Params>(),
-                layers,
-                layers,
-                gpu::sampled(D2),
-                gpu::sampled(D2),
-                gpu::sampled(D2),
-                gpu::sampled(D2),
-                gpu::storage_texture(Layers::FORMAT, D2),
-                gpu::storage_texture(Layers::FORMAT, D2),
-                gpu::storage_of(8),
-                gpu::sampled(D2),
-                gpu::sampled(D2),
-            ];
-            gpu.layout("refract", wgpu::ShaderStages::COMPUTE, &bindings)
-        };
-        let layouts = [gpu.layers(), gpu::sampled(D2Array)].map(layout);
-        // Indirect arguments must not be bound where they are used, so drawing the pixels binds the list alone.
-        let list_bindings = [gpu::storage_read_write(LIST_COUNTS + 4), gpu::storage_read_write(4)];
-        let list_layouts = [&list_bindings[..], &list_bindings[..1]]
-            .map(|bindings| gpu.layout("listed pixels", wgpu::ShaderStages::COMPUTE, bindings));
-        Self {
-            radiance: Radiance { texture: create_texture(gpu, "radiance", UVec2::ONE) },
-            first_radiance: create_texture(gpu, "first radiance", UVec2::ONE),
-            diagnostics: create_texture(gpu, "diagnostics", UVec2::ONE),
-            pipelines: HashMap::new(),
-            structured: HashMap::new(),
-            structure: Structure::new(gpu),
-            params: gpu::uniform_buffer::<Params>(gpu, "refract"),
-            layouts,
-            listed: PixelList::new(gpu, &list_layouts, UVec2::ONE),
-            list_layouts,
-        }
-    }
+/// Group 1 of the passes over a section of the tiles.
+#[derive(Debug)]
+struct Section {
+    liquid: Bound,
+    background: Bound,
+}
 
-    /// Replaces the textures; without `count` the diagnostics are one pixel.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
-        self.radiance = Radiance { texture: create_texture(gpu, "radiance", size) };
-        self.listed = PixelList::new(gpu, &self.list_layouts, size);
-        let size = if count { size } else { UVec2::ONE };
-        self.diagnostics = create_texture(gpu, "diagnostics", size);
+/// Draws the further rays of adaptive variants, of pixels whose picture has structure: `refract/structure.wgsl`.
+#[derive(Debug)]
+struct Structured {
+    find: wgpu::ComputePipeline,
+    draw: wgpu::ComputePipeline,
+    /// Group 1 of both, by section of the tiles.
+    sections: Vec<[Bound; 2]>,
+    /// The picture with one ray per pixel, and that with all.
+    pictures: [wgpu::Texture; 2],
+}
+
+impl RefractImages {
+    /// Creates the images of a picture of `size` pixels; without `count` the diagnostics are one pixel.
+    pub fn new(gpu: &Gpu, size: UVec2, count: bool) -> Self {
+        let counted = if count { size } else { UVec2::ONE };
+        Self {
+            radiance: Radiance { texture: create_texture(gpu, "radiance", size) },
+            first_radiance: create_texture(gpu, "first radiance", UVec2::ONE),
+            diagnostics: create_texture(gpu, "diagnostics", counted),
+            listed: PixelList::new(gpu, size),
+        }
     }
 
     /// Replaces the picture by `spare`, if that has its size, or by a new one, and returns it.
@@ -294,161 +276,124 @@ impl Refract {
         spare: Option<wgpu::Texture>,
     ) -> wgpu::Texture {
         let taken = &self.radiance.texture;
-        let size = UVec2::new(taken.width(), taken.height());
         let spare = spare.filter(|spare| spare.size() == taken.size());
-        let next = spare.unwrap_or_else(|| create_texture(gpu, "radiance", size));
+        let next = spare.unwrap_or_else(|| create_texture(gpu, "radiance", extent(taken)));
         std::mem::replace(&mut self.radiance.texture, next)
-    }
-
-    /// Whether `variant` is compiled for the bound scene: it takes longer than all other pipelines together.
-    pub fn is_compiled(&self, variant: Variant, eye: &ViewPasses) -> bool {
-        let key = |variant| (variant, eye.scene.variant, eye.camera.is_orthographic());
-        self.pipelines.contains_key(&key(variant.first()))
-            && (!variant.adaptive || self.structured.contains_key(&key(variant)))
-    }
-
-    /// Writes the parameters and compiles `variant` if it is new. `structure` is [`settings::Refract::structure`].
-    pub fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        camera: &CameraBinding,
-        scene: &SceneBinding,
-        variant: Variant,
-        params: &Params,
-        structure: f32,
-    ) {
-        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
-        let [gather, draw] = &self.list_layouts;
-        let layout = &self.layouts[usize::from(variant.mips())];
-        let own = gpu::shader::Variant { mips: variant.mips(), ..Default::default() };
-        let module = || gpu::shader::module(gpu, variant.shader(), own);
-        let key = |variant| (variant, scene.variant, camera.is_orthographic());
-        let pipeline = |module: &_, variant: Variant, entry: &str, list: &_| {
-            let constants =
-                [&variant.constants()[..], &scene.variant.constants(), &camera.constants()]
-                    .concat();
-            let layouts = [&camera.layout, layout, &scene.layout, list];
-            gpu::module_pipeline(gpu, variant.shader(), module, entry, &layouts, &constants)
-        };
-        let structured = || {
-            let is_new = variant.adaptive && !self.structured.contains_key(&key(variant));
-            is_new.then(|| pipeline(&module(), variant, "structured_pixels", draw))
-        };
-        let first = variant.first();
-        let all = || {
-            let is_new = !self.pipelines.contains_key(&key(first));
-            is_new.then(|| {
-                let module = module();
-                let (liquid, (background, edges)) = rayon::join(
-                    || pipeline(&module, first, "refract_pixels", gather),
-                    || {
-                        let background = || pipeline(&module, first, "background_pixels", gather);
-                        rayon::join(background, || pipeline(&module, first, "edge_pixels", draw))
-                    },
-                );
-                Pipelines { liquid, background, edges }
-            })
-        };
-        let (all, structured) = rayon::join(all, structured);
-        self.pipelines.extend(all.map(|all| (key(first), all)));
-        self.structured.extend(structured.map(|structured| (key(variant), structured)));
-        if variant.adaptive {
-            self.structure.prepare(gpu, camera, gather, variant.splash, structure);
-            let picture = &self.radiance.texture;
-            if self.first_radiance.size() != picture.size() {
-                let size = UVec2::new(picture.width(), picture.height());
-                self.first_radiance = create_texture(gpu, "first radiance", size);
-            }
-        }
     }
 
     /// Records the readback of the last picture's counts of rays with a host.
     pub fn record_host_rays(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Pending {
         Pending::record(gpu, encoder, &self.listed.list, 4, LIST_COUNTS - 4)
     }
+}
 
-    /// Records the picture with a variant that was passed to [`Refract::prepare`] and takes
-    /// [`work`] per pixel; `behind` is a host's colour or the background. `bounds` are those of the view's layers,
-    /// if [`Variant::bounds`] is set.
-    pub fn record(
-        &self,
-        commands: &mut Commands<'_>,
-        eye: &ViewPasses,
-        bounds: Option<&Bounds>,
-        (variant, work): (Variant, u64),
-        behind: Option<&wgpu::TextureView>,
-        span: Span<'_>,
-    ) {
-        let gpu = commands.gpu;
-        let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
-        let gbuffer = &eye.images.gbuffer;
-        let (planes, surfaces) = (view(&gbuffer.planes), view(&gbuffer.surfaces));
-        let [radiance, first_radiance, diagnostics] =
-            [&self.radiance.texture, &self.first_radiance, &self.diagnostics].map(view);
+impl Refract {
+    /// Prepares the picture of `variant`. Its pipelines take longer to compile than all others together.
+    pub fn prepare(
+        gpu: &Gpu,
+        variant: Variant,
+        inputs: Inputs<'_>,
+        images: &mut RefractImages,
+    ) -> Self {
+        let Inputs { eye, params, structure, behind, work } = inputs;
         let tiles = &eye.images.tiles;
-        let mips = variant.mips();
-        let layers_of =
-            |layers: &'_ Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
-        let (aggregates, splashes) =
-            (layers_of(eye.aggregate_layers()), layers_of(&eye.images.splat.splash));
-        let group = |target: &wgpu::TextureView,
-                     seen: &wgpu::TextureView,
-                     list: &wgpu::Buffer,
-                     section: u32| {
-            let resources = [
-                self.params.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&aggregates),
-                wgpu::BindingResource::TextureView(&splashes),
-                wgpu::BindingResource::TextureView(&planes),
-                wgpu::BindingResource::TextureView(bounds.map_or(&planes, |bounds| &bounds.view)),
-                wgpu::BindingResource::TextureView(&eye.images.mixture.view),
-                wgpu::BindingResource::TextureView(&surfaces),
-                wgpu::BindingResource::TextureView(target),
-                wgpu::BindingResource::TextureView(&diagnostics),
-                tiles.section(list, section),
-                wgpu::BindingResource::TextureView(behind.unwrap_or(&planes)),
-                wgpu::BindingResource::TextureView(seen),
-            ];
-            gpu::bind_group(gpu, "refract", &self.layouts[usize::from(mips)], &resources)
+        if variant.adaptive && images.first_radiance.size() != images.radiance.texture.size() {
+            let size = extent(&images.radiance.texture);
+            images.first_radiance = create_texture(gpu, "first radiance", size);
+        }
+        let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
+        let [radiance, first_radiance] =
+            [&images.radiance.texture, &images.first_radiance].map(view);
+        let diagnostics = view(&images.diagnostics);
+        let planes = view(&eye.images.gbuffer.planes);
+        let params = gpu::buffer_with(gpu, "refract", gpu::UNIFORM, &[*params]);
+        let pixels = Pixels { gpu, variant, eye, params: &params, planes: &planes, behind };
+        let bind = |target: &_, seen: &_, list: &_, section| {
+            pixels.bind([target, seen, &diagnostics], list, section)
         };
-        let key = |variant| (variant, eye.scene.variant, eye.camera.is_orthographic());
+        let first = if variant.adaptive { &first_radiance } else { &radiance };
+        let of_section = |section| Section {
+            liquid: bind(first, &planes, &tiles.liquid, section),
+            background: bind(first, &planes, &tiles.background, section),
+        };
+        let sections: Vec<_> = tiles.sections().map(of_section).collect();
+
+        let PixelList { list, dispatch } = &images.listed;
+        // Indirect arguments must not be bound where they are used, so drawing the pixels binds the list alone.
+        let listed = [
+            (gpu::storage_read_write(LIST_COUNTS + 4), list.as_entire_binding()),
+            (gpu::storage_read_write(4), dispatch.as_entire_binding()),
+        ];
+        let gather = gpu::bind(gpu, "pixels listed", &listed);
+        let draw = gpu::bind(gpu, "pixels drawn", &listed[..1]);
+        let own = &sections[0].liquid.layout;
+        let pipeline = |variant, entry: &str, list: &Bound| {
+            pixels.pipeline(variant, entry, [own, &list.layout])
+        };
+        let structured = || {
+            variant.adaptive.then(|| {
+                let of_section = |section| {
+                    let found = bind_found(gpu, eye, structure, &first_radiance, section);
+                    [found, bind(&radiance, &first_radiance, &tiles.liquid, section)]
+                };
+                let sections: Vec<_> = tiles.sections().map(of_section).collect();
+                let find = find_pipeline(gpu, eye, &sections[0][0].layout, &gather);
+                let draw = pipeline(variant, "structured_pixels", &draw);
+                let pictures = [&images.first_radiance, &images.radiance.texture].map(Clone::clone);
+                Structured { find, draw, sections, pictures }
+            })
+        };
         let first = variant.first();
-        let pipelines = &self.pipelines[&key(first)];
-        let target = if variant.adaptive { &first_radiance } else { &radiance };
+        let liquid = || pipeline(first, "refract_pixels", &gather);
+        let background = || pipeline(first, "background_pixels", &gather);
+        let edges = || pipeline(first, "edge_pixels", &draw);
+        let ((liquid, (background, edges)), structured) =
+            rayon::join(|| rayon::join(liquid, || rayon::join(background, edges)), structured);
+        let (tiles, listed) = (tiles.clone(), images.listed.clone());
+        Self { liquid, background, edges, sections, tiles, listed, gather, draw, structured, work }
+    }
+
+    /// Records the picture.
+    pub fn record(&self, commands: &mut Commands<'_>, eye: &ViewPasses, span: Span<'_>) {
+        let Self { tiles, listed, structured, .. } = self;
+        let work = tiles.pixels().saturating_mul(self.work);
         let last = tiles.sections().end - 1;
-        for section in tiles.sections() {
-            commands.reserve(tiles.pixels().saturating_mul(work));
-            self.listed.clear(commands.encoder, section == 0);
-            let span = span.part(section == 0, section == last && !variant.adaptive);
+        for (section, bound) in tiles.sections().zip(&self.sections) {
+            commands.reserve(work);
+            listed.clear(commands.encoder, section == 0);
+            let span = span.part(section == 0, section == last && structured.is_none());
             let mut pass = begin(commands.encoder, eye, span);
             let at = |which| tiles.dispatch(which, section);
-            pass.set_bind_group(3, &self.listed.gather, &[]);
-            pass.set_pipeline(&pipelines.background);
-            pass.set_bind_group(1, &group(target, &planes, &tiles.background, section), &[]);
+            pass.set_bind_group(3, &self.gather.group, &[]);
+            pass.set_pipeline(&self.background);
+            pass.set_bind_group(1, &bound.background.group, &[]);
             pass.dispatch_workgroups_indirect(&tiles.dispatches, at(TileLists::BACKGROUND));
-            pass.set_pipeline(&pipelines.liquid);
-            pass.set_bind_group(1, &group(target, &planes, &tiles.liquid, section), &[]);
+            pass.set_pipeline(&self.liquid);
+            pass.set_bind_group(1, &bound.liquid.group, &[]);
             pass.dispatch_workgroups_indirect(&tiles.dispatches, at(TileLists::LIQUID));
-            pass.set_bind_group(3, &self.listed.draw, &[]);
-            pass.set_pipeline(&pipelines.edges);
-            pass.dispatch_workgroups_indirect(&self.listed.dispatch, 0);
+            pass.set_bind_group(3, &self.draw.group, &[]);
+            pass.set_pipeline(&self.edges);
+            pass.dispatch_workgroups_indirect(&listed.dispatch, 0);
         }
-        if !variant.adaptive {
+        let Some(Structured { find, draw, sections, pictures: [first, all] }) = structured else {
             return;
-        }
-        let [from, to] = [&self.first_radiance, &self.radiance.texture].map(|t| t.as_image_copy());
-        commands.encoder.copy_texture_to_texture(from, to, self.radiance.texture.size());
+        };
+        let [from, to] = [first, all].map(|picture| picture.as_image_copy());
+        commands.encoder.copy_texture_to_texture(from, to, all.size());
         // Pixels in the next section are neighbours too: all have their first ray before.
-        for section in tiles.sections() {
-            commands.reserve(tiles.pixels().saturating_mul(work));
-            self.listed.clear(commands.encoder, false);
+        for (section, [found, drawn]) in tiles.sections().zip(sections) {
+            commands.reserve(work);
+            listed.clear(commands.encoder, false);
             let mut pass = begin(commands.encoder, eye, span.part(false, section == last));
-            self.structure.find(gpu, &mut pass, eye, (&first_radiance, &self.listed), section);
-            pass.set_bind_group(3, &self.listed.draw, &[]);
-            pass.set_pipeline(&self.structured[&key(variant)]);
-            let group = group(&radiance, &first_radiance, &tiles.liquid, section);
-            pass.set_bind_group(1, &group, &[]);
-            pass.dispatch_workgroups_indirect(&self.listed.dispatch, 0);
+            pass.set_pipeline(find);
+            pass.set_bind_group(1, &found.group, &[]);
+            pass.set_bind_group(3, &self.gather.group, &[]);
+            let at = tiles.dispatch(TileLists::LIQUID, section);
+            pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
+            pass.set_pipeline(draw);
+            pass.set_bind_group(1, &drawn.group, &[]);
+            pass.set_bind_group(3, &self.draw.group, &[]);
+            pass.dispatch_workgroups_indirect(&listed.dispatch, 0);
         }
     }
 }
@@ -467,68 +412,99 @@ fn begin<'a>(
     pass
 }
 
-impl Structure {
-    fn new(gpu: &Gpu) -> Self {
-        let bindings = [
-            gpu::uniform::<StructureParams>(),
-            gpu.layers(),
-            gpu.layers(),
-            gpu::sampled(D2),
-            gpu::storage_of(8),
-        ];
-        Self {
-            find: [const { [const { None }; 2] }; 2],
-            params: gpu::uniform_buffer::<StructureParams>(gpu, "structure"),
-            layout: gpu.layout("structure", wgpu::ShaderStages::COMPUTE, &bindings),
-        }
-    }
+/// What the passes over pixels have in common: `refract/pixels.wgsl`.
+#[derive(Clone, Copy)]
+struct Pixels<'a> {
+    gpu: &'a Gpu,
+    variant: Variant,
+    eye: &'a ViewPasses,
+    params: &'a wgpu::Buffer,
+    planes: &'a wgpu::TextureView,
+    behind: Option<&'a wgpu::TextureView>,
+}
 
-    fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        camera: &CameraBinding,
-        list: &wgpu::BindGroupLayout,
-        splash: bool,
-        structure: f32,
-    ) {
-        let params = StructureParams { structure };
-        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
-        let kept = &mut self.find[usize::from(camera.is_orthographic())][usize::from(splash)];
-        kept.get_or_insert_with(|| {
-            let splash = [("SPLASH", f64::from(u8::from(splash)))];
-            let constants = [&camera.constants()[..], &splash].concat();
-            let none = gpu.layout("none", wgpu::ShaderStages::COMPUTE, &[]);
-            let layouts = [&camera.layout, &self.layout, &none, list];
-            gpu::compute_pipeline(gpu, "refract/structure.wgsl", "find", &layouts, &constants)
-        });
-    }
-
-    /// Lists the pixels of a section by the radiance of their first rays.
-    fn find(
-        &self,
-        gpu: &Gpu,
-        pass: &mut wgpu::ComputePass<'_>,
-        eye: &ViewPasses,
-        (radiance, listed): (&wgpu::TextureView, &PixelList),
+impl Pixels<'_> {
+    /// Group 1, of a section of a list of tiles.
+    fn bind(
+        self,
+        [target, seen, diagnostics]: [&wgpu::TextureView; 3],
+        list: &wgpu::Buffer,
         section: u32,
-    ) {
-        let splash = usize::from(eye.splash_layers().is_some());
-        let pipeline = &self.find[usize::from(eye.camera.is_orthographic())][splash];
-        let Some(pipeline) = pipeline else { return };
-        let tiles = &eye.images.tiles;
-        let resources = [
-            self.params.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-            wgpu::BindingResource::TextureView(&eye.images.splat.splash.view),
-            wgpu::BindingResource::TextureView(radiance),
-            tiles.section(&tiles.liquid, section),
+    ) -> Bound {
+        let Self { gpu, variant, eye, params, planes, behind } = self;
+        let surfaces = eye.images.gbuffer.surfaces.create_view(&Default::default());
+        let mips = variant.mips();
+        let view = |layers: &Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
+        let (aggregates, splashes) = (view(eye.aggregate_layers()), view(&eye.images.splat.splash));
+        let layers = if mips { gpu::sampled(D2Array) } else { gpu.layers() };
+        let (read, written) = (gpu::sampled(D2), gpu::storage_texture(Layers::FORMAT, D2));
+        let bindings = [
+            (gpu::uniform::<Params>(), params.as_entire_binding()),
+            (layers, TextureView(&aggregates)),
+            (layers, TextureView(&splashes)),
+            (read, TextureView(planes)),
+            (read, TextureView(&eye.images.bounds)),
+            (read, TextureView(&eye.images.mixture.view)),
+            (read, TextureView(&surfaces)),
+            (written, TextureView(target)),
+            (written, TextureView(diagnostics)),
+            (gpu::storage_of(8), eye.images.tiles.section(list, section)),
+            (read, TextureView(behind.unwrap_or(planes))),
+            (read, TextureView(seen)),
         ];
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(1, &gpu::bind_group(gpu, "structure", &self.layout, &resources), &[]);
-        pass.set_bind_group(3, &listed.gather, &[]);
-        let at = tiles.dispatch(TileLists::LIQUID, section);
-        pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
+        gpu::bind(gpu, "refract", &bindings)
     }
+
+    fn pipeline(
+        self,
+        variant: Variant,
+        entry: &str,
+        [own, list]: [&wgpu::BindGroupLayout; 2],
+    ) -> wgpu::ComputePipeline {
+        let Self { gpu, eye, .. } = self;
+        let (camera, scene) = (&eye.camera, &eye.scene);
+        let mips = gpu::shader::Variant { mips: variant.mips(), ..Default::default() };
+        let module = gpu::shader::module(gpu, variant.shader(), mips);
+        let constants =
+            [&variant.constants()[..], &scene.variant.constants(), &camera.constants()].concat();
+        let layouts = [&camera.layout, own, &scene.layout, list];
+        gpu::module_pipeline(gpu, variant.shader(), &module, entry, &layouts, &constants)
+    }
+}
+
+/// Group 1 of `refract/structure.wgsl`, of a section of the tiles and the radiance of first rays.
+fn bind_found(
+    gpu: &Gpu,
+    eye: &ViewPasses,
+    structure: f32,
+    radiance: &wgpu::TextureView,
+    section: u32,
+) -> Bound {
+    let params = StructureParams { structure };
+    let params = gpu::buffer_with(gpu, "structure", gpu::UNIFORM, &[params]);
+    let tiles = &eye.images.tiles;
+    let bindings = [
+        (gpu::uniform::<StructureParams>(), params.as_entire_binding()),
+        (gpu.layers(), TextureView(&eye.aggregate_layers().view)),
+        (gpu.layers(), TextureView(&eye.images.splat.splash.view)),
+        (gpu::sampled(D2), TextureView(radiance)),
+        (gpu::storage_of(8), tiles.section(&tiles.liquid, section)),
+    ];
+    gpu::bind(gpu, "structure", &bindings)
+}
+
+/// The pipeline that lists pixels by the radiance of their first rays.
+fn find_pipeline(
+    gpu: &Gpu,
+    eye: &ViewPasses,
+    found: &wgpu::BindGroupLayout,
+    list: &Bound,
+) -> wgpu::ComputePipeline {
+    let splash = [("SPLASH", f64::from(u8::from(eye.splash_layers().is_some())))];
+    let constants = [&eye.camera.constants()[..], &splash].concat();
+    let none = gpu.layout("none", wgpu::ShaderStages::COMPUTE, &[]);
+    let layouts = [&eye.camera.layout, found, &none, &list.layout];
+    gpu::compute_pipeline(gpu, "refract/structure.wgsl", "find", &layouts, &constants)
 }
 
 /// Work of a ray through the solids: a mesh's tree is as much as many other solids.
@@ -558,7 +534,7 @@ pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: us
 }
 
 impl PixelList {
-    fn new(gpu: &Gpu, [gather, draw]: &[wgpu::BindGroupLayout; 2], size: UVec2) -> Self {
+    fn new(gpu: &Gpu, size: UVec2) -> Self {
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let pixels = u64::from(size.x) * u64::from(size.y);
         let list = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -573,10 +549,7 @@ impl PixelList {
             | wgpu::BufferUsages::COPY_DST
             | wgpu::BufferUsages::INDIRECT;
         let dispatch = gpu::buffer_with(gpu, "listed groups", usage, &[0u32, 1, 1]);
-        let resources = [list.as_entire_binding(), dispatch.as_entire_binding()];
-        let gather = gpu::bind_group(gpu, "pixels listed", gather, &resources);
-        let draw = gpu::bind_group(gpu, "pixels drawn", draw, &resources[..1]);
-        Self { list, dispatch, gather, draw }
+        Self { list, dispatch }
     }
 
     /// Records the emptying of the list; the counts of rays are kept unless `all`.
@@ -615,6 +588,10 @@ impl Params {
             pad_eye_depth: [0; 3],
         }
     }
+}
+
+fn extent(texture: &wgpu::Texture) -> UVec2 {
+    UVec2::new(texture.width(), texture.height())
 }
 
 fn create_texture(gpu: &Gpu, label: &str, size: UVec2) -> wgpu::Texture {

@@ -2,18 +2,16 @@
 //!
 //! Drawn only if asked for.
 
-use std::collections::HashMap;
-
 use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
+use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::Layers;
-use super::scene_binding::SceneVariant;
 use super::view_passes::ViewPasses;
 use crate::camera::{CameraUniform, View};
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{self, Gpu, Span};
+use crate::gpu::{self, Bound, Gpu, Span};
 use crate::motion::Motion;
 
 /// `Params` of `surface/images.wgsl`.
@@ -77,85 +75,41 @@ pub struct Request {
     pub samples: u32,
 }
 
-/// Specialisation: splashes, host, velocities, rays per pixel, scene, and whether the view is orthographic.
-type Variant = ([bool; 3], u32, SceneVariant, bool);
+/// The images of the first interface, and the velocities that they show.
+#[derive(Debug)]
+pub struct SurfaceBuffers {
+    /// `None` before they were asked for.
+    pub images: Option<SurfaceImages>,
+    velocities: wgpu::Buffer,
+}
 
 /// Draws the images of the first interface.
 #[derive(Debug)]
 pub struct Surface {
-    /// Output; `None` before it was asked for.
-    pub images: Option<SurfaceImages>,
-    pipelines: HashMap<Variant, wgpu::ComputePipeline>,
-    params: wgpu::Buffer,
-    velocities: wgpu::Buffer,
-    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::ComputePipeline,
+    images: Bound,
+    /// Workgroups along x and y.
+    groups: (u32, u32),
 }
 
-impl Surface {
-    /// Creates the layout; pipelines are compiled on first use.
+impl SurfaceBuffers {
+    /// Creates no images.
     pub fn new(gpu: &Gpu) -> Self {
-        let bindings = [
-            gpu::uniform::<Params>(),
-            gpu::sampled(D2Array),
-            gpu::sampled(D2Array),
-            gpu::sampled(D2),
-            gpu::sampled_integers(),
-            gpu::sampled_integers(),
-            gpu::storage_of(4),
-            gpu::storage_texture(Layers::FORMAT, D2),
-            gpu::storage_texture(Layers::FORMAT, D2),
-        ];
-        Self {
-            images: None,
-            pipelines: HashMap::new(),
-            params: gpu::uniform_buffer::<Params>(gpu, "surface"),
-            velocities: gpu::buffer_with(gpu, "velocities", wgpu::BufferUsages::STORAGE, &[0f32]),
-            layout: gpu.layout("surface", wgpu::ShaderStages::COMPUTE, &bindings),
-        }
+        let velocities = gpu::buffer_with(gpu, "velocities", wgpu::BufferUsages::STORAGE, &[0f32]);
+        Self { images: None, velocities }
     }
 
-    /// Allocates the images, uploads the motion, and compiles what is new.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] for more velocities than the device can bind.
-    pub fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        eye: &ViewPasses,
-        request: Request,
-        motion: &Motion,
-        params: &Params,
-        size: UVec2,
-    ) -> Result<()> {
-        if self.images.as_ref().is_none_or(|images| extent(&images.surface) != size) {
-            self.resize(gpu, size);
-        }
-        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
-        self.upload(gpu, &motion.velocities)?;
-        let camera = &eye.camera;
-        let key = variant(eye, request);
-        let ([splash, host, velocities], samples, scene, _) = key;
-        self.pipelines.entry(key).or_insert_with(|| {
-            let layouts = [&camera.layout, &self.layout, &eye.scene.layout];
-            let switch = |on: bool| f64::from(u8::from(on));
-            let own = [
-                ("SPLASH", switch(splash)),
-                ("HOST", switch(host)),
-                ("VELOCITIES", switch(velocities)),
-                ("SAMPLES", samples.into()),
-            ];
-            let constants = [&own[..], &scene.constants(), &camera.constants()].concat();
-            gpu::compute_pipeline(gpu, "surface/images.wgsl", "images", &layouts, &constants)
-        });
-        Ok(())
-    }
-
-    fn resize(&mut self, gpu: &Gpu, size: UVec2) {
-        let usage = wgpu::TextureUsages::STORAGE_BINDING
-            | wgpu::TextureUsages::TEXTURE_BINDING
-            | wgpu::TextureUsages::COPY_SRC;
-        let image = |label: &str| gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage);
-        self.images = Some(SurfaceImages { surface: image("surface"), motion: image("motion") });
+    /// The images of a frame of `size` pixels.
+    fn images(&mut self, gpu: &Gpu, size: UVec2) -> &SurfaceImages {
+        let fits = |images: &SurfaceImages| extent(&images.surface) == size;
+        self.images.take_if(|images| !fits(images));
+        self.images.get_or_insert_with(|| {
+            let usage = wgpu::TextureUsages::STORAGE_BINDING
+                | wgpu::TextureUsages::TEXTURE_BINDING
+                | wgpu::TextureUsages::COPY_SRC;
+            let image = |label: &str| gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage);
+            SurfaceImages { surface: image("surface"), motion: image("motion") }
+        })
     }
 
     fn upload(&mut self, gpu: &Gpu, velocities: &[Vec3]) -> Result<()> {
@@ -176,51 +130,72 @@ impl Surface {
         }
         Ok(())
     }
+}
 
-    /// Records the images; requires [`Surface::prepare`] for the same frame.
-    pub fn record(
-        &self,
+impl Surface {
+    /// Prepares the images of a frame of `size` pixels: allocates them and uploads the motion.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] for more velocities than the device can bind.
+    pub fn prepare(
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
         eye: &ViewPasses,
         request: Request,
-        span: Span<'_>,
-    ) {
-        let Some(images) = &self.images else { return };
-        let camera = &eye.camera;
+        motion: &Motion,
+        params: &Params,
+        size: UVec2,
+        kept: &mut SurfaceBuffers,
+    ) -> Result<Self> {
+        kept.upload(gpu, &motion.velocities)?;
+        let particles = kept.velocities.clone();
+        let params = gpu::buffer_with(gpu, "surface", gpu::UNIFORM, &[*params]);
+        let images = kept.images(gpu, size);
         let tags =
             eye.images.splat.tags.each_ref().map(|tags| tags.create_view(&Default::default()));
-        let texture_views = [&eye.images.gbuffer.planes, &images.surface, &images.motion];
-        let views = texture_views.map(|texture| gpu::layer_view(texture, 0));
-        let resources = [
-            self.params.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-            wgpu::BindingResource::TextureView(&eye.images.splat.splash.view),
-            wgpu::BindingResource::TextureView(&views[0]),
-            wgpu::BindingResource::TextureView(&tags[0]),
-            wgpu::BindingResource::TextureView(&tags[1]),
-            self.velocities.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&views[1]),
-            wgpu::BindingResource::TextureView(&views[2]),
+        let [planes, surface, moved] =
+            [&eye.images.gbuffer.planes, &images.surface, &images.motion]
+                .map(|texture| gpu::layer_view(texture, 0));
+        let written = gpu::storage_texture(Layers::FORMAT, D2);
+        let bindings = [
+            (gpu::uniform::<Params>(), params.as_entire_binding()),
+            (gpu::sampled(D2Array), TextureView(&eye.aggregate_layers().view)),
+            (gpu::sampled(D2Array), TextureView(&eye.images.splat.splash.view)),
+            (gpu::sampled(D2), TextureView(&planes)),
+            (gpu::sampled_integers(), TextureView(&tags[0])),
+            (gpu::sampled_integers(), TextureView(&tags[1])),
+            (gpu::storage_of(4), particles.as_entire_binding()),
+            (written, TextureView(&surface)),
+            (written, TextureView(&moved)),
         ];
-        let group = gpu::bind_group(gpu, "surface", &self.layout, &resources);
-        let (x, y) = gpu::workgroups(extent(&images.surface));
+        let images = gpu::bind(gpu, "surface", &bindings);
+        let Request { velocities, splash, host, samples } = request;
+        let switch = |on: bool| f64::from(u8::from(on));
+        let own = [
+            ("SPLASH", switch(splash)),
+            ("HOST", switch(host)),
+            ("VELOCITIES", switch(velocities)),
+            ("SAMPLES", samples.into()),
+        ];
+        let constants =
+            [&own[..], &eye.scene.variant.constants(), &eye.camera.constants()].concat();
+        let layouts = [&eye.camera.layout, &images.layout, &eye.scene.layout];
+        let shader = "surface/images.wgsl";
+        let pipeline = gpu::compute_pipeline(gpu, shader, "images", &layouts, &constants);
+        Ok(Self { pipeline, images, groups: gpu::workgroups(size) })
+    }
+
+    /// Records the images.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, eye: &ViewPasses, span: Span<'_>) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("surface"),
             timestamp_writes: span.compute(),
         });
-        pass.set_pipeline(&self.pipelines[&variant(eye, request)]);
-        pass.set_bind_group(0, &camera.group, &[]);
-        pass.set_bind_group(1, &group, &[]);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &eye.camera.group, &[]);
+        pass.set_bind_group(1, &self.images.group, &[]);
         pass.set_bind_group(2, &eye.scene.group, &[]);
-        pass.dispatch_workgroups(x, y, 1);
+        pass.dispatch_workgroups(self.groups.0, self.groups.1, 1);
     }
-}
-
-fn variant(eye: &ViewPasses, request: Request) -> Variant {
-    let Request { velocities, splash, host, samples } = request;
-    let switches = [splash, host, velocities];
-    (switches, samples, eye.scene.variant, eye.camera.is_orthographic())
 }
 
 fn extent(texture: &wgpu::Texture) -> UVec2 {

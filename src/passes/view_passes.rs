@@ -5,6 +5,7 @@
 use glam::{DVec3, UVec2};
 
 use super::bins::{AGGREGATES, BinBuffers, Bins, Listed};
+use super::bounds::{self, Bounds};
 use super::gaps::{self, GapImages, Gaps};
 use super::gbuffer::GBuffer;
 use super::mesh_buffers::MeshBuffers;
@@ -82,6 +83,8 @@ pub struct ViewImages {
     pub gaps: GapImages,
     pub tiles: TileLists,
     pub smooth: SmoothImages,
+    /// Of [`bounds::create_view`].
+    pub bounds: wgpu::TextureView,
     pub gbuffer: GBufferImages,
 }
 
@@ -95,6 +98,7 @@ pub struct PreparedView {
     gaps: Option<Gaps>,
     tiles: Tiles,
     smooth: Option<Smooth>,
+    bounds: Option<Bounds>,
     gbuffer: Option<GBuffer>,
 }
 
@@ -119,6 +123,8 @@ pub struct ViewConfig {
     pub gaps: u32,
     /// Smooth the layers of the aggregates, or flag their gaps.
     pub smooth: bool,
+    /// Find the bounds of the layers in each tile.
+    pub bounds: bool,
     /// Write the particle and fluid of each front.
     pub tags: bool,
     /// Division of the lists of tiles.
@@ -136,6 +142,7 @@ pub struct PassNames {
     pub tiles: &'static str,
     pub smooth: &'static str,
     pub smooth_gaps: &'static str,
+    pub bounds: &'static str,
     pub gbuffer: &'static str,
 }
 
@@ -152,6 +159,7 @@ impl PassNames {
         tiles: "tiles",
         smooth: "smooth",
         smooth_gaps: "smooth gaps",
+        bounds: "bounds",
         gbuffer: "gbuffer",
     };
 
@@ -164,6 +172,7 @@ impl PassNames {
         tiles: "light tiles",
         smooth: "light smooth",
         smooth_gaps: "light smooth gaps",
+        bounds: "light bounds",
         gbuffer: "light gbuffer",
     };
 }
@@ -181,6 +190,7 @@ impl ViewImages {
             gaps: GapImages::new(gpu, used(gaps > 0).0, sections),
             tiles: TileLists::new(gpu, size, sections),
             smooth: SmoothImages::new(gpu, &splat.aggregate),
+            bounds: bounds::create_view(gpu, size),
             gbuffer: GBufferImages::new(gpu, opaque_size, opaque_levels),
             splat,
         }
@@ -200,6 +210,7 @@ impl ViewPasses {
             backs: true,
             gaps: 0,
             smooth: false,
+            bounds: false,
             tags: false,
             sections: Sections { tiles: 1, words: 2, count: 1 },
         };
@@ -214,7 +225,8 @@ impl ViewPasses {
 
     /// Replaces the images where another configuration needs others.
     pub fn resize(&mut self, gpu: &Gpu, config: ViewConfig) {
-        let images = |config: ViewConfig| ViewConfig { backs: true, smooth: true, ..config };
+        let images =
+            |config: ViewConfig| ViewConfig { backs: true, smooth: true, bounds: true, ..config };
         if images(config) != images(self.config) {
             self.images = ViewImages::new(gpu, config);
         }
@@ -299,9 +311,13 @@ impl ViewPasses {
                 (&scene.settings.smooth, smooth::Coverage { backs, gaps, sizes });
             Smooth::prepare(gpu, camera, inputs, &images.smooth, settings, fits, coverage)
         });
+        let bounds = config.bounds.then(|| {
+            let drawn = if config.smooth { &images.smooth.layers } else { layers[0] };
+            Bounds::prepare(gpu, camera, &images.tiles, drawn, splash, &images.bounds)
+        });
         let gbuffer = (config.gbuffer && !config.host)
             .then(|| GBuffer::prepare(gpu, camera, &self.scene, &images.gbuffer));
-        PreparedView { bins, splat, mixture, gaps: found, tiles, smooth, gbuffer }
+        PreparedView { bins, splat, mixture, gaps: found, tiles, smooth, bounds, gbuffer }
     }
 
     /// Chooses the splats that this view draws: the frame's or, if some of them would show through a wall seen from
@@ -333,7 +349,7 @@ impl ViewPasses {
         timer: &mut Timer,
         names: PassNames,
     ) {
-        let PreparedView { bins, splat, mixture, gaps, tiles, smooth, gbuffer } = prepared;
+        let PreparedView { bins, splat, mixture, gaps, tiles, smooth, bounds, gbuffer } = prepared;
         let Self { camera, scene, .. } = self;
         let encoder = &mut *commands.encoder;
         for (class, splat) in splat.iter().enumerate() {
@@ -353,6 +369,9 @@ impl ViewPasses {
             if gaps.is_some() {
                 smooth.record_gaps(commands, timer.span(names.smooth_gaps));
             }
+        }
+        if let Some(bounds) = bounds {
+            bounds.record(commands.encoder, camera, timer.span(names.bounds));
         }
         if let Some(gbuffer) = gbuffer {
             gbuffer.record(commands.encoder, camera, scene, timer.span(names.gbuffer));

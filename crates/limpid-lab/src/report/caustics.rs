@@ -375,6 +375,7 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         levels: 1,
         backs,
         smooth: !fits.is_empty(),
+        bounds: false,
         tags: false,
         gaps: 0,
         sections: Sections::for_work(gpu, view.size, smooth::work(&scene.settings.smooth)),

@@ -91,7 +91,7 @@ impl Bench {
         ];
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let all: Vec<_> = textures.iter().collect();
-        Mips::new(gpu).record(gpu, &mut encoder, &all, Timer::new(gpu, false, 0).span("mips"));
+        Mips::prepare(gpu, &all).record(&mut encoder, Timer::new(gpu, false, 0).span("mips"));
         gpu.queue.submit([encoder.finish()]);
 
         let bindings = [
