@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::{Gpu, shader};
 
-/// What was made for a device.
+/// The modules, layouts and pipelines of a device.
 #[derive(Debug, Default)]
 pub(super) struct Compiled {
     /// By root and variant.

@@ -661,7 +661,7 @@ mod tests {
         Splats { aggregates, radius: 0.03, ..Splats::default() }
     }
 
-    /// What blocks bound is no less than what their splats need, or lists would overflow, and not much more: blocks at the
+    /// Bounds by blocks are no less than their splats need, or lists would overflow, and not much more: blocks at the
     /// picture's edges count whole.
     #[test]
     fn blocks_bound_their_splats() {

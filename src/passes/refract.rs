@@ -412,7 +412,7 @@ fn begin<'a>(
     pass
 }
 
-/// What the passes over pixels have in common: `refract/pixels.wgsl`.
+/// Inputs that all passes over pixels share: `refract/pixels.wgsl`.
 #[derive(Clone, Copy)]
 struct Pixels<'a> {
     gpu: &'a Gpu,
