@@ -46,13 +46,16 @@ deny() {
     cargo deny --workspace check "$@"
 }
 
+# One set of features for all that CI builds: other sets build the same crates again.
+features=(--features limpid-cli/viewer-tests)
+
 # The tests that read and write textures, in Mesa's OpenGL beside its Vulkan, where the machine has both.
 in_opengl() {
     if ! ldconfig -p | grep 'libEGL\.so' >/dev/null; then
         echo "no OpenGL here: not tested"
         return
     fi
-    WGPU_BACKEND=gl LIMPID_REQUIRE_GPU=1 cargo test --locked "${@/#/--test=}"
+    WGPU_BACKEND=gl LIMPID_REQUIRE_GPU=1 cargo test --locked "${features[@]}" "${@/#/--test=}"
 }
 
 # Whether a browser for the tests of the page is there, or can be installed, with what drives it.

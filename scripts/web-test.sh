@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Builds the page and the program, and tests the page in Chromium; on Debian and Ubuntu it installs what is missing.
+# Builds the page and the program (LIMPID is the path of one that is built), and tests the page in Chromium; on Debian
+# and Ubuntu it installs what is missing.
 #
 #     scripts/web-test.sh [--core] [ARGUMENTS OF node --test ...]
 #
@@ -19,8 +20,10 @@ fi
 
 # LIMPID_WEB_BUILT=1 tests what is in web/dist, such as the smaller and faster module of `scripts/web.sh`.
 [[ -n ${LIMPID_WEB_BUILT-} ]] || scripts/web.sh --draft
-cargo build --locked
+if [[ -z ${LIMPID-} ]]; then
+    cargo build --locked
+    export LIMPID=${CARGO_TARGET_DIR:-$PWD/target}/debug/limpid
+fi
 (cd tests/web && npm ci --silent --no-audit --no-fund)
 
-export LIMPID=${CARGO_TARGET_DIR:-$PWD/target}/debug/limpid
 exec node --test --test-concurrency=1 "$@" tests/web/web.test.mjs
