@@ -16,18 +16,22 @@
 //!   hardware.
 //! - `straight`: no refraction, but the light loses what the liquid reflects and absorbs.
 
+mod map;
+mod pipelines;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2};
-use wgpu::TextureViewDimension::D2;
 
-use super::refract::{self, Variant};
-use super::scene_binding::{SceneBinding, SceneVariant};
+pub use self::map::CausticMap;
+use self::pipelines::{Key, Layouts, MethodPipelines, Pipelines, large_groups};
+use super::refract;
+use super::scene_binding::SceneBinding;
 use super::{CameraBinding, GBufferImages, Layers};
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{self, Commands, Gpu, Grain, Piece, Span};
+use crate::gpu::{self, Commands, Gpu, Piece, Span};
 use crate::light_view::LightView;
 use crate::scene::{Light, Scene};
-use crate::settings::{self, Method, Solids, Solver};
+use crate::settings::{self, Method};
 
 /// `CausticParams` of `caustics/params.wgsl`.
 #[repr(C)]
@@ -102,14 +106,6 @@ impl Params {
     }
 }
 
-/// Workgroups that share the large cells, and the threads of each.
-fn large_groups(gpu: &Gpu) -> (u32, u32) {
-    match gpu.grain() {
-        Grain::Pixel => (2048, 64),
-        Grain::Column => (64, 8),
-    }
-}
-
 /// Cells of a grid with `grid` cells along the longer side of a view.
 pub fn cells(size: UVec2, grid: u32) -> UVec2 {
     let pitch = f64::from(size.max_element()) / f64::from(grid);
@@ -120,38 +116,6 @@ pub fn cells(size: UVec2, grid: u32) -> UVec2 {
 const VERTEX: u64 = 32;
 const LANDING: u64 = 48;
 const LIGHT_SUMS: u64 = 24;
-
-/// Specialisation of the pipelines.
-#[derive(Debug, Clone, Copy)]
-struct Key {
-    variant: Variant,
-    scene: SceneVariant,
-    method: Method,
-}
-
-#[derive(Debug)]
-struct Pipelines {
-    tracing: MethodPipelines,
-    resolve: wgpu::ComputePipeline,
-    /// Horizontal, then vertical.
-    blur: [wgpu::ComputePipeline; 2],
-}
-
-/// Kernels that a method runs before its map is resolved, in order.
-#[derive(Debug)]
-enum MethodPipelines {
-    Straight,
-    Forward {
-        grid: wgpu::ComputePipeline,
-        trace: wgpu::ComputePipeline,
-        deposit: wgpu::ComputePipeline,
-        deposit_large: wgpu::ComputePipeline,
-    },
-    Gather {
-        grid: wgpu::ComputePipeline,
-        walk: wgpu::ComputePipeline,
-    },
-}
 
 /// Memory of the maps' kernels, kept from frame to frame. Maps of one shape, which are drawn one after the other, share
 /// it.
@@ -166,17 +130,6 @@ pub struct Caustics {
     pipelines: Pipelines,
     layouts: Layouts,
     buffers: Buffers,
-}
-
-#[derive(Debug)]
-struct Layouts {
-    inputs: wgpu::BindGroupLayout,
-    grid: wgpu::BindGroupLayout,
-    forward: wgpu::BindGroupLayout,
-    deposit: wgpu::BindGroupLayout,
-    gather: wgpu::BindGroupLayout,
-    resolve: wgpu::BindGroupLayout,
-    blur: wgpu::BindGroupLayout,
 }
 
 /// Intermediate results of the kernels.
@@ -226,120 +179,6 @@ pub struct Output<'a> {
     pub map: &'a wgpu::Texture,
     pub receivers: &'a wgpu::Texture,
     pub layer: u32,
-}
-
-impl Layouts {
-    fn new(gpu: &Gpu) -> Self {
-        let compute = wgpu::ShaderStages::COMPUTE;
-        let params = || gpu.branching::<Params>();
-        let (planes, write) = (gpu::sampled(D2), gpu::storage_texture(Layers::FORMAT, D2));
-        Self {
-            inputs: gpu.layout(
-                "light view",
-                compute,
-                &[
-                    gpu::uniform::<refract::Params>(),
-                    gpu.layers(),
-                    gpu.layers(),
-                    planes,
-                    planes,
-                    planes,
-                ],
-            ),
-            grid: gpu.layout("caustic grid", compute, &[params(), gpu::storage_read_write(VERTEX)]),
-            forward: gpu.layout(
-                "forward caustics",
-                compute,
-                &[params(), gpu::storage_of(VERTEX), gpu::storage_read_write(LANDING)],
-            ),
-            deposit: gpu.layout(
-                "caustic deposit",
-                compute,
-                &[
-                    params(),
-                    gpu::storage_of(VERTEX),
-                    gpu::storage_of(LANDING),
-                    planes,
-                    gpu::storage_read_write(LIGHT_SUMS),
-                    gpu::storage_read_write(8),
-                ],
-            ),
-            gather: gpu.layout(
-                "gathered caustics",
-                compute,
-                &[params(), gpu::storage_of(VERTEX), write],
-            ),
-            resolve: gpu.layout(
-                "caustic map",
-                compute,
-                &[params(), gpu::storage_of(LIGHT_SUMS), planes, write, write],
-            ),
-            blur: gpu.layout("caustic blur", compute, &[params(), planes, planes, write]),
-        }
-    }
-}
-
-impl Pipelines {
-    fn new(
-        gpu: &Gpu,
-        layouts: &Layouts,
-        camera: &CameraBinding,
-        bound: &SceneBinding,
-        key: Key,
-    ) -> Self {
-        let pipeline = |file: &str, entry: &str, layout, constants: &[(&'static str, f64)]| {
-            let intersector = gpu::shader::Variant::of(key.variant.shader());
-            let module = gpu::shader::module(gpu, file, intersector);
-            let all = [
-                &key.variant.constants()[..],
-                &key.scene.constants(),
-                &camera.constants(),
-                constants,
-            ];
-            let groups = [&camera.layout, &layouts.inputs, &bound.layout, layout];
-            gpu::module_pipeline(gpu, file, &module, entry, &groups, &all.concat())
-        };
-        let method = [("METHOD", f64::from(key.method as u32))];
-        let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);
-        let tracing = || match key.method {
-            Method::Straight => MethodPipelines::Straight,
-            Method::Forward => {
-                let trace =
-                    || pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]);
-                let deposit = |entry: &str, sharing: &[(&'static str, f64)]| {
-                    let groups = [&camera.layout, &layouts.deposit, &bound.layout];
-                    let constants =
-                        [&key.scene.constants()[..], &camera.constants(), sharing].concat();
-                    let file = "caustics/deposit.wgsl";
-                    gpu::compute_pipeline(gpu, file, entry, &groups, &constants)
-                };
-                let (groups, lanes) = large_groups(gpu);
-                let sharing = [("GROUPS", f64::from(groups)), ("LANES", f64::from(lanes))];
-                let (trace, (grid, (deposit, deposit_large))) = rayon::join(trace, || {
-                    rayon::join(grid, || {
-                        rayon::join(
-                            || deposit("deposit", &[]),
-                            || deposit("deposit_large", &sharing),
-                        )
-                    })
-                });
-                MethodPipelines::Forward { grid, trace, deposit, deposit_large }
-            }
-            Method::Gather => {
-                let walk = || pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]);
-                let (walk, grid) = rayon::join(walk, grid);
-                MethodPipelines::Gather { grid, walk }
-            }
-        };
-        let resolve = || pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method);
-        let blur = |down: f64| {
-            let groups = [&camera.layout, &layouts.blur];
-            let constants = [&camera.constants()[..], &[("DOWN", down)]].concat();
-            gpu::compute_pipeline(gpu, "caustics/blur.wgsl", "blur", &groups, &constants)
-        };
-        let (tracing, resolve) = rayon::join(tracing, resolve);
-        Self { tracing, resolve, blur: [0.0, 1.0].map(blur) }
-    }
 }
 
 impl CausticBuffers {
@@ -627,31 +466,6 @@ impl Work {
     }
 }
 
-impl Key {
-    /// `splash`: the view has layers of splashes; `gaps`: the number of gaps in its layers.
-    fn new(
-        scene: &Scene,
-        bound: &SceneBinding,
-        method: Method,
-        (splash, gaps): (bool, u32),
-    ) -> Self {
-        let exact = Variant::new(scene, splash, gaps, false, false);
-        let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
-        // Settings that the kernels do not read must not create variants.
-        let variant = Variant { solids: Solids::Exact, iterations: 0, bounds: false, ..variant };
-        let variant =
-            Variant { samples: 1, adaptive: false, edge_samples: 1, transparent: false, ..variant };
-        let scene_variant = SceneVariant {
-            lights: 0,
-            environment: 0,
-            lit: false,
-            textures: false,
-            ..bound.variant
-        };
-        Self { variant, scene: scene_variant, method }
-    }
-}
-
 impl Buffers {
     /// Size of the map, cells of the grid, and whether the map is blurred.
     fn shape(&self) -> (UVec2, UVec2, bool) {
@@ -684,57 +498,5 @@ impl Buffers {
             gathered: image("gathered"),
             blur: blur.then(|| ["unblurred", "blurred across"].map(image)),
         }
-    }
-}
-
-/// The caustic map of a light.
-#[derive(Debug, Clone)]
-pub struct CausticMap {
-    /// The light's view.
-    pub view: LightView,
-    /// Irradiance on the receivers through the liquid (W/m², red, green, blue), and whether the direct
-    /// light bypasses the liquid (1 or 0): in layer [`CausticMap::layer`], at its corner, at the view's
-    /// size.
-    pub map: wgpu::Texture,
-    /// Planes of the receivers in the light's view, and the disparity of the liquid's front.
-    pub receivers: wgpu::Texture,
-    /// Layer of both textures.
-    pub layer: u32,
-}
-
-impl CausticMap {
-    /// Reads the map back, row by row from the top left: irradiance (W/m²) and whether the direct light
-    /// bypasses the liquid; depth of the receiver, m, 0 where there is none.
-    ///
-    /// # Errors
-    /// [`crate::Error::DeviceLost`].
-    #[cfg(not(target_arch = "wasm32"))]
-    pub fn read(&self, gpu: &Gpu) -> Result<(Vec<[f32; 4]>, Vec<f32>)> {
-        pollster::block_on(self.finish(gpu))
-    }
-
-    /// As `CausticMap::read`, for code that browsers and other programs share: waiting yields in a browser and
-    /// blocks elsewhere.
-    ///
-    /// # Errors
-    /// [`crate::Error::DeviceLost`].
-    pub async fn finish(&self, gpu: &Gpu) -> Result<(Vec<[f32; 4]>, Vec<f32>)> {
-        let size = self.view.size;
-        let texels = async |texture: &wgpu::Texture| -> Result<Vec<[f32; 4]>> {
-            let bytes = gpu::begin_reading(gpu, texture, self.layer).finish(gpu).await?;
-            let all: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
-            let rows = all.chunks_exact(texture.width() as usize).take(size.y as usize);
-            Ok(rows.flat_map(|row| &row[..size.x as usize]).copied().collect())
-        };
-        let depths = texels(&self.receivers).await?.into_iter().zip(0..).map(|(plane, i)| {
-            let center = UVec2::new(i % size.x, i / size.x).as_dvec2() + 0.5;
-            let ndc = (2.0 * center / size.as_dvec2() - 1.0) * self.view.half_extent;
-            let [x, y, z, _] = plane.map(f64::from);
-            let disparity = x * ndc.x - y * ndc.y - z;
-            let depth =
-                if self.view.orthographic { self.view.far - disparity } else { 1.0 / disparity };
-            if disparity > 0.0 { depth as f32 } else { 0.0 }
-        });
-        Ok((texels(&self.map).await?, depths.collect()))
     }
 }
