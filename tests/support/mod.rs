@@ -1,4 +1,13 @@
-//! Runs shader functions on the device over arrays of test cases.
+//! What several test programs need: a device, random numbers, and shader functions that run on the device over arrays of
+//! test cases; below it hand-made frames, hosts, and a device that does nothing.
+
+#![allow(dead_code, reason = "each program uses a part")]
+
+pub(crate) mod frames;
+pub(crate) mod hosts;
+pub(crate) mod noop;
+pub(crate) mod references;
+pub(crate) mod view;
 
 use std::env;
 use std::sync::OnceLock;

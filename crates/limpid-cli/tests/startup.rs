@@ -1,7 +1,6 @@
 //! Startup cost: pipelines are compiled once, when a frame first needs them, and cached on disk. The
 //! cache's state never changes a picture and gives no message.
 
-#[expect(dead_code, reason = "what this file does not use of it")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 

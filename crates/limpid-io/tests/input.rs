@@ -1,7 +1,6 @@
 //! The radius and the view of a sequence: one of each for all frames, whatever its first frames contain
 //! and however its frames are distributed.
 
-#[allow(dead_code, reason = "only the generator is used")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 

@@ -1,7 +1,6 @@
 //! The estimated radius of particles without radii: its error for lattices, packings, generated bodies,
 //! simulations and sheets, in any unit, and its consistency within a sequence.
 
-#[allow(dead_code, reason = "only the generator is used")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 

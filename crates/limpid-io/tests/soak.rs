@@ -4,7 +4,6 @@
 //! The default run is short. The full run:
 //! `LIMPID_SOAK_FRAMES=2000 cargo test --release --test soak -- --nocapture`.
 
-#[expect(dead_code, reason = "only parts of it are used here")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 

@@ -1,6 +1,5 @@
 //! Caustic maps on the device, against closed forms and against light traced in f64.
 
-#[expect(dead_code, reason = "what this file does not use of it")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 

@@ -1,6 +1,5 @@
 //! The measurements of `limpid report`: the code that scores methods must itself be correct.
 
-#[expect(dead_code, reason = "what this file does not use of it")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 

@@ -2,7 +2,6 @@
 //! golden frames.
 
 mod golden;
-#[expect(dead_code, reason = "what this file does not use of it")]
 #[path = "../../../../tests/support/mod.rs"]
 mod support;
 

@@ -3,7 +3,6 @@
 
 mod device;
 mod reference;
-#[allow(dead_code, reason = "no test file uses all of it")]
 #[path = "../../../../tests/support/mod.rs"]
 mod support;
 
