@@ -16,8 +16,8 @@ use limpid_lab::reference::caustics::on_solids;
 use limpid_lab::reference::trace::{MAX_DEPTH, trace_lit};
 use limpid_sim::recipe::Recipe;
 
-use super::frames::{Harness, harness};
 use super::{DROP, SIZE, camera, drop, lit, sun, wet};
+use crate::support::frames::{Harness, harness};
 
 /// Mean FLIP of the picture against one traced in f64 through the true surface, lit by true maps;
 /// and of the picture without caustics against the same.

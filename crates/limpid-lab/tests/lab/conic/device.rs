@@ -7,8 +7,8 @@ use glam::{DVec2, DVec3, UVec2};
 use limpid::gpu::Gpu;
 use limpid_lab::reference::conic::{Conic, Grid, LightSource, Path, Vertex, paths, walk};
 
-use super::support::{self, Kernel, Random, gpu};
 use super::{Pool, WATER, assert_near, one_conic, overhead, waves, wavy};
+use crate::support::{self, Kernel, Random, gpu};
 
 /// The vertices in the shader's layout.
 fn texels(grid: &Grid) -> Vec<[f32; 8]> {

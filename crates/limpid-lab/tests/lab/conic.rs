@@ -3,8 +3,6 @@
 
 mod device;
 mod reference;
-#[path = "../../../../tests/support/mod.rs"]
-mod support;
 
 use glam::{DVec2, DVec3, IVec2, UVec2};
 use limpid_lab::reference::conic::{Grid, LightSource, Path, Vertex, walk};

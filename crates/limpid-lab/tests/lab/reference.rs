@@ -3,16 +3,10 @@
 //! Measures the main quality figure of limpid: the mean FLIP to pictures of the same particles
 //! whose surface was reconstructed and path-traced, in the folder that `LIMPID_REFERENCE` names.
 
-#[path = "../../../tests/support/hosts.rs"]
-mod hosts;
-#[path = "../../../tests/support/references.rs"]
-mod references;
-
 use std::path::Path;
 
 use glam::UVec2;
 use glam::dcamera::rh::proj::directx::perspective_infinite_reverse;
-use hosts::host_of;
 use limpid::camera::{Projection, View};
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
@@ -23,7 +17,9 @@ use limpid::scene::Scene;
 use limpid::wgpu::PollType;
 use limpid_io::input::Input;
 use limpid_lab::compare::{compare, load_picture};
-use references::references;
+
+use crate::support::hosts::host_of;
+use crate::support::references::references;
 
 const SCENES: [&str; 5] = [
     "double_dam_break_front",

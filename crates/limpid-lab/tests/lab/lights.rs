@@ -1,10 +1,6 @@
 //! Lit pictures by the renderer: direct light, shadows and light through particles, against closed
 //! forms, against light traced in f64, and from frame to frame.
 
-#[path = "../../../../tests/support/even_light.rs"]
-mod even_light;
-#[path = "../../../../tests/support/frames.rs"]
-mod frames;
 mod lamps;
 mod liquid;
 mod solids;
@@ -13,7 +9,6 @@ mod truth;
 
 use std::path::Path;
 
-use frames::{View, scene, splats};
 use glam::{DVec2, DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
@@ -24,6 +19,8 @@ use limpid_io::project::Project;
 use limpid_lab::reference::Ray;
 use limpid_lab::reference::analytic::Ball;
 use limpid_lab::reference::optics::fresnel;
+
+use crate::support::frames::{View, scene, splats};
 
 const SIZE: UVec2 = UVec2::new(120, 90);
 const IOR: f64 = 1.33;

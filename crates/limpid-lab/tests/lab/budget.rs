@@ -1,16 +1,8 @@
 //! Budgets of passes: the counts of the model, and that every pass has a model.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-#[path = "../../../tests/support/noop.rs"]
-mod noop;
-
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
-use frames::{
-    ellipsoid, gpu, noise, noise_turn, noise_vector, on_axis, render, scene, sphere, splats,
-};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::frame::FrameInput;
@@ -24,6 +16,11 @@ use limpid::settings::{Method, Solids, Solver};
 use limpid::wgpu;
 use limpid_lab::report::passes::{Counts, eye_counts, light_counts, measure_frame, work};
 use limpid_lab::report::rates::{self, Rates};
+
+use crate::support::frames::{
+    ellipsoid, gpu, noise, noise_turn, noise_vector, on_axis, render, scene, sphere, splats,
+};
+use crate::support::noop::noop;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 
@@ -173,8 +170,7 @@ fn costs_of_an_empty_frame() {
 #[test]
 fn every_pass_has_a_model() {
     let required_features = wgpu::Features::TIMESTAMP_QUERY;
-    let (device, queue) =
-        noop::noop(&wgpu::DeviceDescriptor { required_features, ..Default::default() });
+    let (device, queue) = noop(&wgpu::DeviceDescriptor { required_features, ..Default::default() });
     let gpu = Gpu::from_device(device, queue);
     let mut renderer = Renderer::new(&gpu);
     let ball = |x: f32, fluid: u32| Splat { tags: fluid, ..sphere(Vec3::X * x, 0.2) };

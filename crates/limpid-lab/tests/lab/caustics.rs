@@ -1,8 +1,5 @@
 //! Caustic maps on the device, against closed forms and against light traced in f64.
 
-#[path = "../../../tests/support/mod.rs"]
-mod support;
-
 use std::path::Path;
 
 use glam::{DVec2, DVec3, UVec2};
@@ -16,7 +13,8 @@ use limpid_lab::reference::{Liquid, Ray, optics};
 use limpid_lab::report::caustics::{Bench, Run, received, relative_l1};
 use limpid_lab::report::intersect::ViewLayers;
 use limpid_sim::waves::{WaveSpectrum, Waves};
-use support::gpu;
+
+use crate::support::gpu;
 
 const IOR: f64 = 1.33;
 

@@ -1,14 +1,8 @@
 //! Numerical range: scenes from millimetres to ten kilometres, up to 100 km from the world's
 //! origin, fields of view from 5 to 150 degrees, any index of refraction, grazing views.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
 use std::path::Path;
 
-use frames::{
-    Ellipsoid, FrameImages, Harness, View, ellipsoid, harness, noise, noise_turn, noise_vector,
-};
 use glam::{DVec2, DVec3, UVec2, Vec3};
 use image::buffer::ConvertBuffer;
 use limpid::camera::{Camera, Lens};
@@ -19,6 +13,11 @@ use limpid::offscreen::Picture;
 use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::{Reflections, Settings};
 use limpid_lab::compare::compare;
+
+use crate::support::frames::{
+    self, Ellipsoid, FrameImages, Harness, View, ellipsoid, harness, noise, noise_turn,
+    noise_vector,
+};
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 

@@ -9,8 +9,8 @@ use limpid_lab::report::caustics::{Bench, relative_l1};
 use limpid_lab::report::intersect::ViewLayers;
 use limpid_sim::waves::{WaveSpectrum, Waves};
 
-use super::frames::gpu;
 use super::{IOR, dry, lit, sun};
+use crate::support::frames::gpu;
 
 // stability
 

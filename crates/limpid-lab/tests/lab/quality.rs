@@ -1,9 +1,5 @@
 //! The choice by `limpid render --max-error` and `--budget`, and its data, `crates/limpid-lab/src/quality.toml`.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
-use frames::gpu;
 use glam::UVec2;
 use image::RgbImage;
 use limpid::renderer::Renderer;
@@ -17,6 +13,8 @@ use limpid_lab::quality::{Choice, Curve, Limits, List, NOISE};
 use limpid_lab::reference::mesh::{Mesh, Reconstruction};
 use limpid_lab::reference::trace::{MAX_DEPTH, trace_lit};
 use limpid_lab::report::curve::hit_errors;
+
+use crate::support::frames::gpu;
 
 fn numbers(curve: &Curve) -> impl Iterator<Item = &Choice> {
     curve.intersectors.iter().chain(&curve.pictures)

@@ -1,9 +1,5 @@
 //! Elisions: work that a frame does not need is skipped without changing a bit of the picture.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
-use frames::{gpu, noise_vector, on_axis, sphere};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::frame::FrameInput;
@@ -14,6 +10,8 @@ use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene};
 use limpid_lab::report::elisions::{Case, Frame, cases, draw};
+
+use crate::support::frames::{gpu, noise_vector, on_axis, sphere};
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 

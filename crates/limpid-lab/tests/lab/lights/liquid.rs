@@ -11,12 +11,12 @@ use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene, Shape, Surface};
 use limpid::settings::Method;
 
-use super::even_light::even_light;
-use super::frames::{Harness, View, gpu, harness, render};
 use super::{
     DROP, IOR, SIZE, SKY, assert_close, camera, drop, entering, floor, lit, nothing, on_floor, ray,
     slab, sun, wet,
 };
+use crate::even_light::even_light;
+use crate::support::frames::{Harness, View, gpu, harness, render, sphere};
 
 /// Light under still liquid, from particles to the picture: the floor under a block receives E T
 /// cos(theta) exp(-sigma l) by every method, to 3 % in its mean, so the methods agree; ambient
@@ -257,7 +257,7 @@ fn stray_splashes_do_not_change_the_maps() {
     let camera = camera(DVec3::new(0.0, 2.0, 4.0), DVec3::ZERO, 40.0);
     let mut views = |splash: Option<Vec3>| -> Vec<LightView> {
         let mut splats = whole.clone();
-        splats.splashes.extend(splash.map(|at| super::frames::sphere(at, whole.radius)));
+        splats.splashes.extend(splash.map(|at| sphere(at, whole.radius)));
         harness.render(&scene, &camera, &splats, UVec2::new(16, 12));
         let maps = harness.renderer.images().caustics;
         maps.into_iter().map(|map| map.expect("a map").view).collect()
@@ -331,7 +331,7 @@ fn unusual_lights_give_finite_pictures() {
     let one = Splats { aggregates: slab.aggregates[..1].to_vec(), ..slab.clone() };
     let spray = Splats {
         aggregates: Vec::new(),
-        splashes: vec![super::frames::sphere(Vec3::new(0.1, 0.5, 0.2), 0.05)],
+        splashes: vec![sphere(Vec3::new(0.1, 0.5, 0.2), 0.05)],
         ..slab
     };
     scene.settings.caustics.resolution = 64;

@@ -7,8 +7,8 @@ use limpid::frame::FrameInput;
 use limpid::offscreen::Picture;
 use limpid::scene::Light;
 
-use super::frames::{Harness, View, harness};
 use super::{DROP, IOR, SIZE, SKY, assert_close, camera, drop, entering, on_floor, ray, slab};
+use crate::support::frames::{Harness, View, harness};
 
 /// Lights too close to the liquid for one view: under a lamp over a wide pool each point of the
 /// floor receives what Fresnel reflection and absorption (Beer and Lambert) leave on the straight

@@ -1,8 +1,5 @@
 //! The measurements of `limpid report`: the code that scores methods must itself be correct.
 
-#[path = "../../../tests/support/mod.rs"]
-mod support;
-
 use glam::{DVec2, DVec3, IVec2, UVec2};
 use limpid::camera::Camera;
 use limpid::renderer::Renderer;
@@ -15,7 +12,8 @@ use limpid_lab::report::intersect::{
     Answer, Bench, Method, Target, Truth, ViewLayers, score, truths, world_from_view,
 };
 use limpid_lab::report::{Stress, stress};
-use support::{Random, gpu};
+
+use crate::support::{Random, gpu};
 
 fn camera() -> Camera {
     Camera {

@@ -2,10 +2,6 @@
 //! all: how far each is from the true surface. With `--nocapture` and `LIMPID_REFERENCE` it prints the
 //! reference scenes' table of docs/accuracy.md.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
-use frames::{Ellipsoid, Harness, View, harness};
 use glam::{DVec3, UVec2};
 use limpid::camera::Camera;
 use limpid::liquid::classify::{Splat, Splats};
@@ -14,6 +10,8 @@ use limpid_io::input::Input;
 use limpid_lab::reference::mesh::{Mesh, Reconstruction};
 use limpid_lab::reference::trace::intervals;
 use rayon::prelude::*;
+
+use crate::support::frames::{Ellipsoid, Harness, View, harness};
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 

@@ -1,8 +1,5 @@
 //! Classification on the device: the same splats as the CPU's tree finds, for any particles.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
@@ -21,7 +18,7 @@ use limpid_io::shared_classifier::Processor;
 use limpid_io::shared_classifier::SharedClassifier;
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
-use frames::{gpu, harness, noise, noise_vector, on_axis};
+use crate::support::frames::{gpu, harness, noise, noise_vector, on_axis};
 
 const R: f32 = 0.025;
 

@@ -1,14 +1,8 @@
 //! The ground truth against closed forms, and against pictures by independent software.
 
-#[path = "../../../tests/support/even_light.rs"]
-mod even_light;
-#[path = "../../../tests/support/references.rs"]
-mod references;
-
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-use even_light::even_light;
 use image::{Rgb, RgbImage};
 use limpid::camera::Camera;
 use limpid::environment::{Environment, EvenLight};
@@ -24,7 +18,9 @@ use limpid_lab::reference::surroundings::Surroundings;
 use limpid_lab::reference::trace::{Image, MAX_DEPTH, first_last, intervals, trace};
 use limpid_lab::reference::{Crossing, Liquid, Ray};
 use limpid_sim::waves::{WaveSpectrum, Waves};
-use references::references;
+
+use crate::even_light::even_light;
+use crate::support::references::references;
 
 /// A linear congruential generator (Knuth's MMIX): the same cases on every machine.
 struct Random(u64);

@@ -10,8 +10,8 @@ use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid_lab::reference::Ray;
 use limpid_lab::reference::surroundings::Surroundings;
 
-use super::frames::{FrameImages, Harness, View, diagnosed, harness, render};
 use super::{SIZE, SKY, assert_close, camera, drop, dry, floor, lit, nothing, ray, sun};
+use crate::support::frames::{FrameImages, Harness, View, diagnosed, harness, render};
 
 /// A box 1 m high under a sun at 45° shadows 1 m of the floor next to it; in the shadow only the
 /// sky lights the floor, around it also the sun by its cosine, at every pixel.

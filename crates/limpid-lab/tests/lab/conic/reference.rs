@@ -9,8 +9,8 @@ use glam::{DVec2, DVec3, IVec2};
 use limpid_lab::reference::conic::{Conic, LightSource, Path, Vertex, paths, walk};
 use limpid_lab::reference::optics;
 
-use super::support::Random;
 use super::{Pool, STEPS, WATER, assert_near, one_conic, overhead, wavy};
+use crate::support::Random;
 
 /// Flat water under a lamp, the textbook case: the point where Snell's law holds, both angles, and
 /// the spread of the beam by the closed form of Walter et al.
