@@ -1,5 +1,5 @@
 //! Soak test: many consecutive frames with changing particle counts, sizes and settings, as in a long
-//! interactive session.
+//! interactive session. A program of its own, since it measures the memory of the process.
 //!
 //! The default run is short. The full run:
 //! `LIMPID_SOAK_FRAMES=2000 cargo test --release --test soak -- --nocapture`.

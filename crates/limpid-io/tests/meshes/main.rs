@@ -1,6 +1,7 @@
 //! Readers of mesh files. Each format and layout yields the triangles encoded in it, and all agree on which
 //! way faces and textures are turned; errors of damaged and foreign files name the file, the place and the
-//! remedy; and no file makes a reader panic, loop, or allocate memory by its declared counts alone.
+//! remedy; and no file makes a reader panic, loop, or allocate memory by its declared counts alone. A program
+//! of its own, since it measures the memory of the process.
 
 mod all_formats;
 mod gltf;

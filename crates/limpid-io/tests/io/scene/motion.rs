@@ -14,7 +14,7 @@ use limpid_io::project::Project;
 use tempfile::TempDir;
 
 use super::assert_contains;
-use super::frames::harness;
+use crate::support::frames::harness;
 
 /// The beginning of a scene whose particles are frames 0 to 4.
 const FRAMES: &str = r#"

@@ -1,10 +1,6 @@
 //! Absorption of several fluids: side by side, one behind the other, and in caustics; and how files and
 //! interpolation treat each of them.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
-use frames::{Harness, glowing, harness, on_axis, scene, sphere, splats};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::frame::FrameInput;
 use limpid::liquid::Particles;
@@ -12,6 +8,10 @@ use limpid::liquid::classify::{Splat, Splats};
 use limpid::scene::{Scene, Shape};
 use limpid_io::input::{FrameTime, Input, Missing};
 use limpid_io::project::Project;
+
+use crate::support::frames::{
+    FrameImages, Harness, View, glowing, harness, on_axis, scene, sphere, splats,
+};
 
 const SIZE: UVec2 = UVec2::new(64, 48);
 const CLARET: Vec3 = Vec3::new(0.3, 2.0, 1.2);
@@ -38,7 +38,7 @@ fn assert_close(found: DVec3, expected: DVec3, what: &str) {
     assert!(found.abs_diff_eq(expected, 3e-3), "{what}: {found}, {expected} expected");
 }
 
-fn draw(harness: &mut Harness, scene: &Scene, splats: &Splats) -> frames::FrameImages {
+fn draw(harness: &mut Harness, scene: &Scene, splats: &Splats) -> FrameImages {
     let shot = harness.render(scene, &on_axis(6.0, 30.0), splats, SIZE);
     shot.assert_finite();
     shot
@@ -46,7 +46,7 @@ fn draw(harness: &mut Harness, scene: &Scene, splats: &Splats) -> frames::FrameI
 
 /// Length of a pixel's ray inside a sphere about `centre`, seen from 6 m along z.
 fn chord(p: UVec2, centre: DVec3, radius: f64) -> f64 {
-    let view = frames::View::new(&on_axis(6.0, 30.0), SIZE);
+    let view = View::new(&on_axis(6.0, 30.0), SIZE);
     let d = view.through(p).normalize();
     let to_centre = view.point(centre);
     let beside = to_centre - to_centre.dot(d) * d;

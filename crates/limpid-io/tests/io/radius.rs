@@ -1,9 +1,6 @@
 //! The estimated radius of particles without radii: its error for lattices, packings, generated bodies,
 //! simulations and sheets, in any unit, and its consistency within a sequence.
 
-#[path = "../../../tests/support/mod.rs"]
-mod support;
-
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
@@ -12,7 +9,8 @@ use limpid::liquid::classify::estimate_radius;
 use limpid_io::input::{FrameTime, Input, RadiusFrom};
 use limpid_io::particles::{ReadOptions, Remark};
 use limpid_io::project::Project;
-use support::Random;
+
+use crate::support::Random;
 
 /// The relative error that docs/radius.md guarantees.
 const TOLERANCE: f64 = 0.05;

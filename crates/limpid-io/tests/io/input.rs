@@ -1,9 +1,6 @@
 //! The radius and the view of a sequence: one of each for all frames, whatever its first frames contain
 //! and however its frames are distributed.
 
-#[path = "../../../tests/support/mod.rs"]
-mod support;
-
 use std::path::Path;
 use std::sync::Arc;
 
@@ -22,8 +19,9 @@ use limpid_io::notice;
 use limpid_io::open::{Opened, Request};
 use limpid_io::particles::ReadOptions;
 use limpid_io::project::Project;
-use support::Random;
 use tempfile::TempDir;
+
+use crate::support::Random;
 
 /// A folder of `.xyz` frames, numbered from 0.
 fn frames(contents: &[&str]) -> TempDir {

@@ -6,8 +6,6 @@
 
 mod camera;
 mod environments;
-#[path = "../../../../tests/support/frames.rs"]
-mod frames;
 mod looks;
 mod motion;
 mod output;

@@ -1,12 +1,8 @@
 //! Liquid at walls, seen from both sides.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
 use std::path::Path;
 use std::sync::Arc;
 
-use frames::{Harness, harness};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::liquid::classify::Splats;
@@ -14,6 +10,8 @@ use limpid::mesh::{Mesh, MeshData, Placement};
 use limpid::scene::{Scene, Shape, Solid, Surface};
 use limpid_io::input::Input;
 use limpid_io::project::Project;
+
+use crate::support::frames::{Harness, harness};
 
 const SIZE: UVec2 = UVec2::new(120, 90);
 

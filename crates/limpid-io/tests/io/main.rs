@@ -1,0 +1,17 @@
+//! What is read, written and generated: particle files and sequences, scenes and cameras, recipes and simulations, and
+//! pictures of what only files hold. `meshes` and `soak` measure the memory of their process, and are programs of their
+//! own.
+
+mod bake;
+mod camera_path;
+mod fluids;
+mod frame_cache;
+mod input;
+mod particles;
+mod radius;
+mod recipes;
+mod scene;
+mod sequence;
+#[path = "../../../../tests/support/mod.rs"]
+mod support;
+mod walls;
