@@ -1,8 +1,6 @@
 //! Support for tests of rendered frames: hand-made splats, a shared renderer, its images by name, and
 //! the same geometry in 64 bits.
 
-#![allow(dead_code, reason = "each test uses a part")]
-
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 

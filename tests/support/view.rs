@@ -1,7 +1,5 @@
 //! View space in 64 bits, and test cases for the device.
 
-#![allow(dead_code, reason = "no test file uses all of it")]
-
 use glam::{DVec2, DVec3, UVec2, Vec3};
 use limpid::camera::{Camera, CameraUniform};
 

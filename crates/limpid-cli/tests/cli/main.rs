@@ -1,20 +1,30 @@
 //! The command-line interface, as scripts and render farms use it: output files and their names, printed
-//! text, errors of one line, exit codes, and no unfinished files.
+//! text, errors of one line, exit codes, and no unfinished files. In the same program: films, playback, presets, suites of
+//! frame tests, failures of the device, and the cost of starting.
 
 mod aov;
 mod beside;
+mod check;
 mod compare;
+mod convert;
 mod coverage;
+mod device;
 mod exit_codes;
+mod film;
 mod help;
 mod info;
 mod inputs;
 mod mistakes;
 mod outputs;
+mod playback;
+mod presets;
 mod render;
 mod report;
 mod scenes;
 mod standard;
+mod startup;
+#[path = "../../../../tests/support/mod.rs"]
+mod support;
 mod words;
 
 use std::collections::BTreeSet;

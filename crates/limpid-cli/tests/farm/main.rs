@@ -1,6 +1,7 @@
 //! Farms: several processes, on one machine or many, draw one sequence into one folder. No frame is lost
 //! or incomplete, no existing picture is mistaken for another, and the pictures depend neither on the
-//! process that draws them nor on how often it was killed.
+//! process that draws them nor on how often it was killed. A program of its own, so that no other test takes
+//! the time of its races.
 
 mod claims;
 mod failures;

@@ -1,5 +1,5 @@
 //! The viewer without a window: pictures identical to those of `limpid render`, complete panels, and the
-//! closed forms of camera controls and playback.
+//! closed forms of camera controls and playback; and its real window, in processes of its own.
 
 mod camera_controls;
 mod devices;
@@ -9,6 +9,7 @@ mod parts;
 mod pictures;
 mod playing;
 mod settings;
+mod window;
 
 use std::path::Path;
 use std::time::{Duration, Instant};

@@ -2,8 +2,6 @@
 //! golden frames.
 
 mod golden;
-#[path = "../../../../tests/support/mod.rs"]
-mod support;
 
 use std::fmt::Write as _;
 use std::fs;
@@ -20,6 +18,8 @@ use limpid_io::output::write_png;
 use limpid_lab::check::{Adapter, Report, Suite, Verdict};
 use limpid_lab::compare::load_picture;
 use tempfile::TempDir;
+
+use crate::support::gpu;
 
 /// A small body of liquid over a checker: edges, reflections and refraction.
 const SCENE: &str = r#"
@@ -96,7 +96,7 @@ fn assert_verdict(report: &Report, name: &str, expected: Verdict, parts: &[&str]
 /// nothing; the record contains the adapter and the settings.
 #[test]
 fn blessing_creates_expectations() {
-    let Some(gpu) = support::gpu() else { return };
+    let Some(gpu) = gpu() else { return };
     let (folder, path) = suite_folder(&frames(&["one", "two.b"], ""));
     let expected = folder.path().join("suite/one.png");
     let mut report = run(gpu, &path);
@@ -136,7 +136,7 @@ fn blessing_creates_expectations() {
 /// blessing repairs all of them.
 #[test]
 fn wrong_pictures_fail() {
-    let Some(gpu) = support::gpu() else { return };
+    let Some(gpu) = gpu() else { return };
     let names =
         ["same", "shifted", "channel", "hot", "noise", "size", "damaged", "text", "transparent"];
     let (folder, path) = suite_folder(&frames(&names, ""));
@@ -194,7 +194,7 @@ fn wrong_pictures_fail() {
 /// missing or additional layer, NaN, another size and damage are detected and named by image.
 #[test]
 fn wrong_images_fail() {
-    let Some(gpu) = support::gpu() else { return };
+    let Some(gpu) = gpu() else { return };
     let aov = "aov = { depth = { within = 0.005, mean = 0.002, p99 = 0.01 }, normal = {}, \
                interfaces = { share = 0.02 } }";
     let names = [
@@ -309,7 +309,7 @@ fn damaged_exr() {
 /// fails by its change from frame to frame; so does one that does not change.
 #[test]
 fn flicker_fails() {
-    let Some(gpu) = support::gpu() else { return };
+    let Some(gpu) = gpu() else { return };
     let suite = r#"
         size = [64, 48]
         [tolerance]
@@ -380,7 +380,7 @@ fn flicker_fails() {
 /// names it; no other frame is drawn in its place.
 #[test]
 fn missing_frames_are_errors() {
-    let Some(gpu) = support::gpu() else { return };
+    let Some(gpu) = gpu() else { return };
     let mut suite = String::new();
     for (name, key) in [
         ("there", "frame = 3"),
@@ -411,7 +411,7 @@ fn missing_frames_are_errors() {
 /// earlier run nor overwritten.
 #[test]
 fn results_do_not_replace_expectations() {
-    let Some(gpu) = support::gpu() else { return };
+    let Some(gpu) = gpu() else { return };
     let entry = |name: &str, file: &str| {
         frames(&[name], &format!("expected = \"out/{file}\"\n"))
             .split_once("[[frame]]")
@@ -442,7 +442,7 @@ fn results_do_not_replace_expectations() {
 /// device.
 #[test]
 fn a_lost_device_costs_one_entry() {
-    let Some(gpu) = support::gpu() else { return };
+    let Some(gpu) = gpu() else { return };
     let (_folder, path) = suite_folder(&frames(&["one", "two", "three"], ""));
     bless(gpu, &path);
     let lost = Gpu::headless().expect("an adapter");
@@ -567,7 +567,7 @@ fn program(folder: &Path, args: &[&str]) -> (i32, String, String) {
 /// other entries, the printed command blesses, and results of an earlier run are removed.
 #[test]
 fn command_line() {
-    let Some(_) = support::gpu() else { return };
+    let Some(_) = gpu() else { return };
     let mut suite = frames(&["good", "bad"], "");
     suite += "[[frame]]\nname = \"gone\"\ninput = \"gone.bgeo\"\n";
     let (folder, _) = suite_folder(&suite);

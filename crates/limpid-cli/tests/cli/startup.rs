@@ -1,9 +1,6 @@
 //! Startup cost: pipelines are compiled once, when a frame first needs them, and cached on disk. The
 //! cache's state never changes a picture and gives no message.
 
-#[path = "../../../tests/support/mod.rs"]
-mod support;
-
 use std::fs;
 use std::hash::Hasher as _;
 use std::path::{Path, PathBuf};
@@ -21,7 +18,8 @@ use limpid::settings::Solver;
 use limpid::wgpu;
 use limpid_io::project::Project;
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
-use support::gpu;
+
+use crate::support::gpu;
 
 // ---- Compilation.
 

@@ -307,8 +307,8 @@ fn view_without_a_display_is_an_error() {
 /// interface keeps working. The longest times on a machine are measured by:
 ///
 /// ```text
-/// LIMPID_PARTICLES=1000000 cargo test --release --features viewer-tests --test window -- \
-///     loading --nocapture
+/// LIMPID_PARTICLES=1000000 cargo test --release --features viewer-tests --test viewer -- \
+///     window::loading --nocapture
 /// ```
 #[test]
 fn loading_does_not_block_the_interface() {
@@ -365,7 +365,7 @@ fn loading_does_not_block_the_interface() {
 ///
 /// ```text
 /// LIMPID_SEQUENCE=$PWD/sims/dam_break.toml LIMPID_SIZE=1000x640 cargo test --features viewer-tests \
-///     --test window -- flipbook --nocapture
+///     --test viewer -- window::full_flipbook --nocapture
 /// ```
 #[test]
 fn full_flipbook_plays_without_drawing() {

@@ -2,9 +2,6 @@
 //! pictures beyond the adapter's limits end in an error that names the cause, never in a panic or a
 //! wrong picture, and another device draws the same.
 
-#[path = "../../../tests/support/noop.rs"]
-mod noop;
-
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -31,6 +28,8 @@ use limpid_io::error::Category;
 use limpid_io::input::{FrameTime, Input, Loaded};
 use limpid_io::project::Project;
 use limpid_io::project::overrides::replaced;
+
+use crate::support::noop::noop;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 
@@ -231,7 +230,7 @@ fn limited(lower: impl Fn(&mut wgpu::Limits)) -> (Gpu, Arc<Mutex<Vec<String>>>) 
     let mut required_limits = wgpu::Limits::default();
     lower(&mut required_limits);
     let descriptor = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
-    let (device, queue) = noop::noop(&descriptor);
+    let (device, queue) = noop(&descriptor);
     let errors = Arc::<Mutex<Vec<String>>>::default();
     let seen = errors.clone();
     device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {

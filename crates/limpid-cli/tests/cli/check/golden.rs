@@ -1,10 +1,12 @@
 //! limpid's own golden frames: they are drawn as expected, are complete and small, and detect faults.
 
-use super::support;
-use limpid_lab::check::{Suite, Verdict};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+
+use limpid_lab::check::{Suite, Verdict};
+
+use crate::support::gpu;
 
 /// Path of limpid's own suite.
 fn golden() -> PathBuf {
@@ -15,7 +17,7 @@ fn golden() -> PathBuf {
 #[test]
 #[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn golden_frames() {
-    let Some(gpu) = support::gpu() else { return };
+    let Some(gpu) = gpu() else { return };
     let suite = Suite::load(&golden()).expect("the suite");
     let report = suite.run(gpu, &[], |outcome| eprintln!("{outcome}")).expect("it runs");
     eprintln!("{:.1} s", report.seconds);
@@ -64,7 +66,7 @@ mod rare {
     #[test]
     #[ignore = "rare: scripts/nightly.sh runs it"]
     fn golden_frames_detect_faults() {
-        let Some(gpu) = support::gpu() else { return };
+        let Some(gpu) = gpu() else { return };
         let text = fs::read_to_string(golden()).unwrap();
         let wide = text.replace("name = \"llvmpipe\"", "name = \"no such adapter\"");
         assert_ne!(text, wide);

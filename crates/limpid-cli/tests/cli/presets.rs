@@ -1,11 +1,7 @@
 //! Presets: valid settings, round trips through files, and overrides by scenes and the command line.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
 use std::path::Path;
 
-use frames::{ellipsoid, harness, on_axis, sphere, splats};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::liquid::Particles;
 use limpid::liquid::classify::classify;
@@ -15,6 +11,10 @@ use limpid::settings::{
 };
 use limpid_io::error::Error;
 use limpid_io::project::{Project, overrides};
+
+use crate::support::frames::{
+    ellipsoid, harness, mean_difference, noise_turn, noise_vector, on_axis, sphere, splats,
+};
 
 fn parse(text: &str, overrides: &[&str]) -> Result<Scene, Error> {
     let overrides: Vec<_> = overrides.iter().map(|&text| text.to_owned()).collect();
@@ -210,9 +210,9 @@ fn every_preset_draws() {
     let mut seed = 5;
     let body: Vec<_> = (0..60)
         .map(|_| {
-            let centre = frames::noise_vector(&mut seed) * Vec3::new(0.6, 0.4, 0.4);
-            let axes = 0.14 + 0.05 * frames::noise_vector(&mut seed);
-            ellipsoid(centre, axes, frames::noise_turn(&mut seed))
+            let centre = noise_vector(&mut seed) * Vec3::new(0.6, 0.4, 0.4);
+            let axes = 0.14 + 0.05 * noise_vector(&mut seed);
+            ellipsoid(centre, axes, noise_turn(&mut seed))
         })
         .collect();
     let drawn = splats(&body, &[sphere(Vec3::new(0.3, 0.3, 0.8), 0.1)], 0.08);
@@ -225,7 +225,7 @@ fn every_preset_draws() {
     });
     for (i, a) in pictures.iter().enumerate() {
         for b in &pictures[..i] {
-            assert!(frames::mean_difference(a, b) > 1e-4);
+            assert!(mean_difference(a, b) > 1e-4);
         }
     }
 }

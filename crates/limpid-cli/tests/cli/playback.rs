@@ -1,16 +1,14 @@
 //! Slow motion and gaps: interpolation between frames, and missing frames.
 
-#[path = "../../../tests/support/frames.rs"]
-mod frames;
-
 use std::path::Path;
 
-use frames::gpu;
 use glam::{DVec3, Vec3};
 use limpid::liquid::Particles;
 use limpid_io::Error;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Input, Missing};
+
+use crate::support::frames::{gpu, noise};
 
 const G: Vec3 = Vec3::new(0.0, -9.81, 0.0);
 
@@ -214,7 +212,7 @@ fn shuffled_files_are_held() {
     let mut shuffled = b.clone();
     let mut seed = 5;
     for i in (1..1000).rev() {
-        shuffled.positions.swap(i, (frames::noise(&mut seed) * (i + 1) as f32) as usize);
+        shuffled.positions.swap(i, (noise(&mut seed) * (i + 1) as f32) as usize);
     }
     for with_velocities in [true, false] {
         let stripped = |p: &Particles| Particles {
