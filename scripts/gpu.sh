@@ -54,8 +54,7 @@ limpid=${LIMPID-$target/release/limpid}
 
 if $tests; then
     export LIMPID_REQUIRE_GPU=1
-    suites=(shader_math splat bins gaps smooth refract intersectors frames hosts cameras surface)
-    cargo test --release --locked --no-fail-fast "${suites[@]/#/--test=}"
+    cargo test --release --locked --no-fail-fast --test renderer
     "$limpid" check tests/golden/limpid.toml --out "$target/gpu-golden"
     exit
 fi

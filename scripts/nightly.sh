@@ -58,7 +58,7 @@ golden() {
     cargo run --release --locked --quiet -- check tests/golden/limpid.toml --out "$CARGO_TARGET_DIR/golden"
 }
 
-opengl() { in_opengl refract fluids intersectors shader_math classify_device cull; }
+opengl() { in_opengl refract fluids intersectors shader_math classify_device bins; }
 
 # What is compiled only without the window.
 lints() {

@@ -49,13 +49,21 @@ deny() {
 # One set of features for all that CI builds: other sets build the same crates again.
 features=(--features limpid-cli/viewer-tests)
 
-# The tests that read and write textures, in Mesa's OpenGL beside its Vulkan, where the machine has both.
+# Modules of tests that read and write textures, in Mesa's OpenGL beside its Vulkan, where the machine has both.
 in_opengl() {
     if ! ldconfig -p | grep 'libEGL\.so' >/dev/null; then
         echo "no OpenGL here: not tested"
         return
     fi
-    WGPU_BACKEND=gl LIMPID_REQUIRE_GPU=1 cargo test --locked "${features[@]}" "${@/#/--test=}"
+    local programs=(--test renderer --test source --test lab --test io) module
+    # A name that no module has would pass.
+    for module; do
+        cargo test --quiet --locked "${features[@]}" "${programs[@]}" -- --list "$module::" | grep ': test$' >/dev/null || {
+            echo "no tests in a module $module" >&2
+            return 1
+        }
+    done
+    WGPU_BACKEND=gl LIMPID_REQUIRE_GPU=1 cargo test --locked "${features[@]}" "${programs[@]}" -- "${@/%/::}"
 }
 
 # Whether a browser for the tests of the page is there, or can be installed, with what drives it.
