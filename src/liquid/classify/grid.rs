@@ -226,10 +226,15 @@ impl<'a> Grid<'a> {
         self.cells_of(low, high).map(move |cells| start(cells.start)..start(cells.end))
     }
 
-    /// The position of a member by its sorted index, m, and its volume relative to that of a particle of `radius`, m.
-    pub(super) fn place(&self, slot: usize, radius: f32) -> (Vec3, f32) {
-        let place = self.sorted[slot];
-        (place.truncate(), place.w / (radius / self.radius).powi(3))
+    /// The positions of members by their sorted indices, m, and their volumes relative to that of a particle of
+    /// [`Grid::radius`].
+    pub(super) fn places(&self, slots: Range<usize>) -> &[Vec4] {
+        &self.sorted[slots]
+    }
+
+    /// Median radius of the members, m.
+    pub(super) fn radius(&self) -> f32 {
+        self.radius
     }
 
     /// Number of cells.

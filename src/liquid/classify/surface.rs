@@ -87,14 +87,32 @@ impl Search<'_> {
         }
     }
 
-    /// A member by its number: its position, m, and its volume relative to that of a particle of `radius`, m.
-    fn place(&self, number: usize, radius: f32) -> (Vec3, f32) {
+    /// The volume of a particle of `radius`, m, in the units of [`Search::places`].
+    fn volume(&self, radius: f32) -> f32 {
         match self {
-            Self::Grid(grid) => grid.place(number, radius),
-            Self::Tree(tree) => {
-                let member = &tree.members()[number];
-                (member.position(), volume(member.radius, radius))
+            Self::Grid(grid) => (radius / grid.radius()).powi(3),
+            Self::Tree(_) => 1.0,
+        }
+    }
+
+    /// As [`Search::near`], with several members at once: their first number, and the positions, m, and volumes of it and
+    /// of those that follow it. `radius`: of the particle whose neighbours they are, m.
+    fn places(
+        &self,
+        ends: [Vec3; 2],
+        reach: f32,
+        radius: f32,
+        mut act: impl FnMut(usize, &[Vec4]),
+    ) {
+        match self {
+            Self::Grid(grid) => {
+                let (low, high) = around(ends, reach);
+                grid.slots_of(low, high).for_each(|slots| act(slots.start, grid.places(slots)));
             }
+            Self::Tree(tree) => self.near(ends, reach, |number| {
+                let member = &tree.members()[number];
+                act(number, &[member.position().extend(volume(member.radius, radius))]);
+            }),
         }
     }
 
@@ -209,10 +227,26 @@ impl Point {
         let half = 0.5 * share * up.max(-THINNEST * axis);
         Move { step: half * out, longer: half * outer_product(out) }
     }
+}
 
-    /// From this point to another one, in r. The digits of points far from the origin are kept.
-    fn to(&self, other: &Self) -> Vec3 {
-        ((other.at - self.at) + (other.offset - self.offset)) / self.radius
+/// What neighbours of a point need to know of it: little, since most of those that are looked at are too far away.
+#[derive(Clone, Copy)]
+struct Neighbor {
+    /// The particle.
+    at: Vec3,
+    /// From the particle, m.
+    offset: Vec3,
+    normal: Vec3,
+}
+
+impl Neighbor {
+    fn of(point: &Point) -> Self {
+        Self { at: point.at, offset: point.offset, normal: point.normal }
+    }
+
+    /// From a point to this one, in r. The digits of points far from the origin are kept.
+    fn from(&self, point: &Point) -> Vec3 {
+        ((self.at - point.at) + (self.offset - point.offset)) / point.radius
     }
 }
 
@@ -254,13 +288,13 @@ impl Cloud {
         let search = search.like(&places);
         let order = search.order();
         let mut points: Vec<Point> = order.par_iter().map(|&i| points[i as usize]).collect();
-        let normals: Vec<Vec3> =
-            points.par_iter().map(|p| mean_normal(p, &search, &points)).collect();
-        points.iter_mut().zip(normals).for_each(|(p, normal)| p.normal = normal);
+        let near: Vec<Neighbor> = points.par_iter().map(Neighbor::of).collect();
+        points.par_iter_mut().for_each(|p| p.normal = mean_normal(p, &search, &near));
+        let near: Vec<Neighbor> = points.par_iter().map(Neighbor::of).collect();
         let moves: Vec<Move> = points
             .par_iter()
             .map(|p| {
-                let level = smoothing(p, &search, &points);
+                let level = smoothing(p, &search, &near);
                 p.change(&splats[p.aggregate as usize], level, self.shift)
             })
             .collect();
@@ -382,13 +416,28 @@ impl Field {
     fn gather(&mut self, start: &Start, line: &Line, search: &Search<'_>, densities: &[f32]) {
         self.near.clear();
         let per_r = 1.0 / start.radius;
-        search.near(start.ends(line), SUPPORT * start.radius, |number| {
-            let (at, volume) = search.place(number, start.radius);
-            let x = (at - start.at) * per_r;
-            let from_line = x - x.dot(line.out).clamp(0.0, line.farthest) * line.out;
-            // False for an offset that overflows.
-            if from_line.length_squared() < SUPPORT * SUPPORT {
-                self.near.push(x.extend(volume / densities[number]));
+        let per_volume = 1.0 / search.volume(start.radius);
+        let (farthest, limit) = (Vec4::splat(line.farthest), Vec4::splat(SUPPORT * SUPPORT));
+        let (from, out) = (start.at, line.out);
+        let reach = SUPPORT * start.radius;
+        search.places(start.ends(line), reach, start.radius, |first, places| {
+            for (first, four) in (first..).step_by(4).zip(places.chunks(4)) {
+                let mut columns = [Vec4::INFINITY; 4];
+                columns[..four.len()].copy_from_slice(four);
+                let rows = Mat4::from_cols_array_2d(&columns.map(|v| v.to_array())).transpose();
+                let x = (rows.x_axis - from.x) * per_r;
+                let y = (rows.y_axis - from.y) * per_r;
+                let z = (rows.z_axis - from.z) * per_r;
+                let along = (x * out.x + y * out.y + z * out.z).max(Vec4::ZERO).min(farthest);
+                let (dx, dy, dz) = (x - along * out.x, y - along * out.y, z - along * out.z);
+                // False for an offset that overflows.
+                let mut within = (dx * dx + dy * dy + dz * dz).cmplt(limit).bitmask();
+                while within != 0 {
+                    let i = within.trailing_zeros() as usize;
+                    within &= within - 1;
+                    let weight = rows.w_axis[i] * per_volume / densities[first + i];
+                    self.near.push(Vec4::new(x[i], y[i], z[i], weight));
+                }
             }
         });
         self.near.resize(self.near.len().next_multiple_of(4), Vec4::ZERO);
@@ -481,24 +530,26 @@ impl Field {
 }
 
 /// Normal at a point, averaged over the points around it.
-fn mean_normal(point: &Point, search: &Search<'_>, points: &[Point]) -> Vec3 {
+fn mean_normal(point: &Point, search: &Search<'_>, points: &[Neighbor]) -> Vec3 {
     let mut sum = Vec3::ZERO;
     search.near([point.at + point.offset; 2], NORMALS * point.radius, |other| {
         let other = &points[other];
-        let near = (1.0 - point.to(other).length_squared() / (NORMALS * NORMALS)).max(0.0);
-        let w = near * near * smoothstep(ONE_SIDE, point.normal.dot(other.normal));
-        sum += w * other.normal;
+        let near = 1.0 - other.from(point).length_squared() / (NORMALS * NORMALS);
+        if near > 0.0 {
+            let w = near * near * smoothstep(ONE_SIDE, point.normal.dot(other.normal));
+            sum += w * other.normal;
+        }
     });
     sum.try_normalize().unwrap_or(point.normal)
 }
 
 /// How far a step of Laplacian smoothing moves a point along its normal, in r.
-fn smoothing(point: &Point, search: &Search<'_>, points: &[Point]) -> f32 {
+fn smoothing(point: &Point, search: &Search<'_>, points: &[Neighbor]) -> f32 {
     let (mut sum, mut weight) = (0.0, 0.0);
     search.near([point.at + point.offset; 2], SMOOTHING * point.radius, |other| {
         let other = &points[other];
-        let to = point.to(other);
-        let near = (1.0 - to.length_squared() / (SMOOTHING * SMOOTHING)).max(0.0);
+        let to = other.from(point);
+        let near = 1.0 - to.length_squared() / (SMOOTHING * SMOOTHING);
         if near > 0.0 {
             let w = near * near * smoothstep(ONE_FACE, point.normal.dot(other.normal));
             sum += w * to.dot(point.normal);
