@@ -1,11 +1,13 @@
 //! Offscreen renderer, which draws pictures into memory.
 
 use std::borrow::Cow;
+use std::collections::VecDeque;
 
 use glam::{UVec2, Vec3};
 use image::{DynamicImage, GrayImage, RgbImage, Rgba, RgbaImage};
 
 use crate::aov::{self, Aov};
+use crate::camera::View;
 use crate::error::Result;
 use crate::frame::FrameInput;
 use crate::gpu::{self, Gpu, PassTime, SubmittedTimes};
@@ -85,6 +87,29 @@ impl Offscreen {
         let mut frame = self.submit(input)?;
         pollster::block_on(frame.finish_times())?;
         Ok(frame)
+    }
+
+    /// Draws one frame from several views instead of its own: with four channels, as [`PendingFrame::wait_rgba`]. Its
+    /// splats are uploaded once, and its lights' maps are drawn once. Each picture is read back while later ones are drawn.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn draw_views(&mut self, input: FrameInput<'_>, views: &[View]) -> Result<Vec<RgbaImage>> {
+        /// Pictures that are drawn or read back at a time.
+        const IN_FLIGHT: usize = 3;
+        let mut pending = VecDeque::with_capacity(IN_FLIGHT);
+        let mut pictures = Vec::with_capacity(views.len());
+        for &view in views {
+            if pending.len() == IN_FLIGHT {
+                pictures.extend(pending.pop_front().map(PendingFrame::wait_rgba).transpose()?);
+            }
+            pending.push_back(self.begin(FrameInput { view, reuse: true, ..input })?);
+        }
+        for last in pending {
+            pictures.push(last.wait_rgba()?);
+        }
+        Ok(pictures)
     }
 
     /// As [`Offscreen::draw`], for code that browsers and other programs share: waiting yields in a browser and

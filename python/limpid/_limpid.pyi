@@ -158,6 +158,7 @@ class Device:
         aovs: Sequence[str],
         alpha: bool,
         thickness: float | None,
+        views: Sequence[Camera],
         described: bool,
     ) -> dict[str, Any]: ...
     def draw_frame(

@@ -189,7 +189,84 @@ class Renderer:
             frame=frame,
         )
 
+    def render_views(
+        self,
+        positions: npt.ArrayLike | Particles,
+        cameras: Iterable[Camera],
+        *,
+        radius: npt.ArrayLike | None = None,
+        ellipsoids: npt.ArrayLike | None = None,
+        colors: npt.ArrayLike | None = None,
+        scene: SceneLike | None = None,
+        size: Sequence[int] = (256, 256),
+        samples: int | None = None,
+        alpha: bool = False,
+        up: str | None = None,
+        frame: int = 0,
+    ) -> npt.NDArray[np.uint8]:
+        """Draws particles from several cameras, for instance to train on the pictures.
+
+        The particles are classified and uploaded once, and the caustics of lights are drawn once. A scene that is made
+        to fit is made for the first camera.
+
+        Parameters
+        ----------
+        positions : (n, 3) array of floats, or Particles
+            As for `render`, and so are those that are not named here.
+        cameras : iterable of Camera
+            In the world of the positions.
+        size : two integers
+            Width and height of each picture, pixels.
+
+        Returns
+        -------
+        (cameras, height, width, 4) array of bytes
+            sRGB; the fourth channel is coverage with `alpha`, and 255 without.
+
+        Raises
+        ------
+        ValueError, OSError, DeviceLost
+            As `render`.
+        """
+        try:
+            views = list(cameras)
+        except TypeError:
+            raise ValueError(f"cameras is {cameras!r}; expected cameras") from None
+        for i, camera in enumerate(views):
+            if not isinstance(camera, Camera):
+                raise ValueError(f"cameras: number {i} is {camera!r}; expected a limpid.Camera")
+        if not views:
+            width, height = size_of(size)
+            return np.empty((0, height, width, 4), np.uint8)
+        drawn, scene = self._drawn(
+            positions,
+            radius=radius,
+            ellipsoids=ellipsoids,
+            colors=colors,
+            scene=scene,
+            camera=views[0],
+            views=views,
+            size=size,
+            samples=samples,
+            alpha=alpha,
+            up=up,
+            frame=frame,
+        )
+        self._known = (scene, scene)
+        self._warn(drawn["notices"])
+        pictures: npt.NDArray[np.uint8] = drawn["rgba"]
+        return pictures
+
     def _render(
+        self, positions: npt.ArrayLike | Particles, *, alpha: bool = False, **others: Any
+    ) -> Picture:
+        drawn, scene = self._drawn(positions, alpha=alpha, **others)
+        picture = Picture(drawn, scene, bool(alpha))
+        self._known = (scene, picture.scene)
+        self._warn(drawn["notices"])
+        return picture
+
+    def _drawn(
         self,
         positions: npt.ArrayLike | Particles,
         *,
@@ -207,7 +284,9 @@ class Renderer:
         up: str | None = None,
         frame: int = 0,
         thickness: float | None = None,
-    ) -> Picture:
+        views: Sequence[Camera] = (),
+    ) -> tuple[dict[str, Any], Scene | None]:
+        """What the device draws, with the scene that was given."""
         if isinstance(positions, Particles):
             own = positions
             velocities = own.velocities if velocities is None else velocities
@@ -253,18 +332,17 @@ class Renderer:
             names,
             bool(alpha),
             thickness,
+            views,
             described,
         )
-        picture = Picture(drawn, scene, bool(alpha))
-        self._known = (scene, picture.scene)
         if kept is not None:
             lost, first = np.count_nonzero(~kept), np.argmin(kept)
-            self._warn([
+            notice = (
                 f"{lost} of {len(kept)} particles have no finite position and are left out "
                 f"(the first: particle {first})"
-            ])
-        self._warn(drawn["notices"])
-        return picture
+            )
+            drawn["notices"].insert(0, notice)
+        return drawn, scene
 
     def _warn(self, notices: list[str]) -> None:
         """Warns of what was not yet said, whatever its numbers, about the series."""

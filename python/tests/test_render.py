@@ -49,6 +49,27 @@ def test_pictures_are_those_of_the_program(renderer, program, dam, tmp_path, cas
     assert_same_png(tmp_path / "a.png", tmp_path / "b.png")
 
 
+def test_views_are_pictures_from_each_camera(renderer, dam):
+    """With and without coverage, and in a world of z up."""
+    for up, axis in (("y", (0, 1, 0)), ("z", (0, 0, 1))):
+        middle = dam.mean(axis=0)
+        first = limpid.Camera(middle + (1.5, 1.2, 1.8), middle, up=axis)
+        cameras = [first, first.turned(40) if up == "y" else first, limpid.Camera(middle + (2, 1, 1), middle, up=axis)]
+        scene = renderer.render(dam, camera=first, size=(32, 32), up=up).scene
+        for alpha in (False, True):
+            keywords = dict(scene=scene, size=(80, 60), up=up, alpha=alpha)
+            pictures = renderer.render_views(dam, cameras, **keywords)
+            assert pictures.shape == (3, 60, 80, 4) and pictures.dtype == np.uint8
+            for camera, picture in zip(cameras, pictures):
+                alone = renderer.render(dam, camera=camera, **keywords)
+                assert np.array_equal(np.asarray(alone.rgba), picture)
+    assert renderer.render_views(dam, [], size=(8, 6)).shape == (0, 6, 8, 4)
+    with pytest.raises(ValueError, match="number 0 is 3"):
+        renderer.render_views(dam, [3])
+    with pytest.raises(ValueError, match="expected cameras"):
+        renderer.render_views(dam, 3)
+
+
 def test_scenes_are_those_of_the_program(renderer, program, root, tmp_path):
     """A scene file with solids, lights and settings, and its radiance."""
     dam = limpid.read(root / "sims" / "demo.bgeo").positions.astype(np.float64)

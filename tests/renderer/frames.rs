@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{DVec3, Quat, UVec2, Vec3};
-use limpid::camera::Camera;
+use limpid::camera::{Camera, Lens, View};
 use limpid::environment::Environment;
 use limpid::frame::{FrameInput, Target};
 use limpid::gpu::Gpu;
@@ -62,6 +62,24 @@ fn assert_same(a: &FrameImages, b: &FrameImages, why: &str) {
         assert!(bits(values) == bits(b.channel(name)), "{why}: {name} differs");
     }
     assert!(a.picture == b.picture, "{why}: the pictures differ");
+}
+
+/// Pictures of one frame from several views, perspective and parallel, equal single pictures from them.
+#[test]
+fn views_of_one_frame_equal_single_pictures() {
+    let Some(gpu) = gpu() else { return };
+    let (scene, camera, drawn) = tank();
+    let parallel = Camera { lens: Some(Lens::Orthographic { height: 2.0 }), ..camera.turned(0.4) };
+    let cameras = [camera, camera.turned(0.3), parallel, camera.turned(2.0), camera];
+    let views = cameras.map(|camera| View::from(&camera));
+    let input = FrameInput::new(&scene, &camera, &drawn, SIZE);
+    let pictures = Offscreen::new(&gpu).draw_views(input, &views).expect("pictures");
+    assert_eq!(pictures.len(), views.len());
+    for (view, picture) in views.into_iter().zip(&pictures) {
+        let alone = Offscreen::new(&gpu).draw(FrameInput { view, ..input }).expect("a picture");
+        assert!(alone.into_image().into_rgba8() == *picture, "{view:?}");
+    }
+    assert!(pictures[0] != pictures[1], "the views are the same");
 }
 
 /// Pictures begun while the device still draws earlier ones are unaffected by the particles uploaded

@@ -144,6 +144,10 @@ pub(crate) struct Args {
     /// Rotate the camera about its target, with this duration of a full turn.
     #[arg(long, value_name = "SECONDS")]
     turntable: Option<f64>,
+    /// Draw a frame from each camera of a file, the keys of a camera path, whose times do not count: its particles are
+    /// classified once.
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["turntable", "camera_path", "camera"])]
+    views: Option<PathBuf>,
     /// Rays per pixel: 1 for previews, 4 for final frames.
     #[arg(long)]
     samples: Option<u32>,
@@ -482,7 +486,8 @@ impl FrameLoop<'_> {
             diagnose: args.aov.is_some(),
             timing: args.stats.is_some() || args.budget.is_some(),
             // A moving camera around particles at rest does not change the lights' maps.
-            reuse: at_rest && (args.turntable.is_some() || args.camera_path.is_some()),
+            reuse: at_rest
+                && (args.turntable.is_some() || args.camera_path.is_some() || args.views.is_some()),
             ..FrameInput::new(&scene, &job.shot.camera, &loaded.splats, args.size)
         };
         let drawing = match budget {

@@ -59,7 +59,8 @@ struct PathFile {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct KeyFile {
-    time: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    time: Option<f64>,
     eye: DVec3,
     target: DVec3,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -72,6 +73,72 @@ struct KeyFile {
 
 fn fov_y() -> f32 {
     40.0
+}
+
+/// The times and cameras of the keys in a file, which errors call `origin`; axes as for [`CameraPath::load_for`].
+fn parse_keys(
+    text: &str,
+    origin: &str,
+    files: Up,
+    told: Option<Up>,
+) -> Result<Vec<(Option<f64>, Camera)>> {
+    let file: PathFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
+    // All keys count in the same axes.
+    let first = CameraAxes::in_file(file.up_axis, file.key.iter().find_map(|key| key.up));
+    let axis = told.or(first.up);
+    let keys = file.key.into_iter().map(|key| {
+        let KeyFile { time, eye, target, up, fov_y, near } = key;
+        let axes = CameraAxes { up: axis, is_level: up.is_none() };
+        let up = up.unwrap_or(Vec3::Y);
+        let camera = Camera { eye, target, up, fov_y, near, lens: None };
+        (time, axes.to_world(camera, files))
+    });
+    Ok(keys.collect())
+}
+
+/// Reads the cameras of a path file's keys, for pictures of one frame from each of them. Their times do not count and may
+/// be left out. Axes as for [`CameraPath::load_for`].
+///
+/// # Errors
+/// As [`CameraPath::load`], but for the times.
+pub fn load_views(path: &Path, files: Up, told: Option<Up>) -> Result<Vec<Camera>> {
+    let origin = path.display().to_string();
+    let keys = parse_keys(&files::read_text(path)?, &origin, files, told)?;
+    let cameras: Vec<_> = keys.into_iter().map(|(_, camera)| camera).collect();
+    let mut numbered = (1..).zip(&cameras);
+    let checked = numbered.try_for_each(|(number, camera)| check_camera(number, camera));
+    checked.and_then(|()| check_count(cameras.len())).map_err(|e| within(&origin, e))?;
+    Ok(cameras)
+}
+
+/// The error of a key, counted from 1.
+fn fail(number: usize, problem: String) -> Error {
+    Error::Scene { origin: format!("[[key]] {number}"), problem }
+}
+
+/// The error of a part of a file.
+fn within(file: &str, error: Error) -> Error {
+    match error {
+        Error::Scene { origin: part, problem } => {
+            Error::Scene { origin: file.into(), problem: format!("{part}: {problem}") }
+        }
+        other => other,
+    }
+}
+
+fn check_camera(number: usize, camera: &Camera) -> Result<()> {
+    match camera.check() {
+        Err(limpid::Error::Invalid { problem, .. }) => Err(fail(number, problem)),
+        _ => Ok(()),
+    }
+}
+
+fn check_count(keys: usize) -> Result<()> {
+    if keys == 0 {
+        let problem = "none; a camera path needs at least one".into();
+        return Err(Error::Scene { origin: "[[key]]".into(), problem });
+    }
+    Ok(())
 }
 
 /// The keys of a camera path.
@@ -106,25 +173,17 @@ impl CameraPath {
     }
 
     fn parse_for(text: &str, origin: &str, files: Up, told: Option<Up>) -> Result<Self> {
-        let file: PathFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
-        // All keys count in the same axes.
-        let first = CameraAxes::in_file(file.up_axis, file.key.iter().find_map(|key| key.up));
-        let axis = told.or(first.up);
-        let keys = file.key.into_iter().map(|key| {
-            let KeyFile { time, eye, target, up, fov_y, near } = key;
-            let axes = CameraAxes { up: axis, is_level: up.is_none() };
-            let up = up.unwrap_or(Vec3::Y);
-            let camera = Camera { eye, target, up, fov_y, near, lens: None };
-            Key { time, camera: axes.to_world(camera, files) }
+        let keys = parse_keys(text, origin, files, told)?;
+        let timed = (1..).zip(keys).map(|(number, (time, camera))| {
+            let missing = || fail(number, "without a time, which only views may lack".into());
+            Ok(Key { time: time.ok_or_else(missing)?, camera })
         });
-        let path = Self { keys: keys.collect() };
-        path.check().map_err(|e| match e {
-            Error::Scene { origin: part, problem } => {
-                Error::Scene { origin: origin.into(), problem: format!("{part}: {problem}") }
-            }
-            other => other,
-        })?;
-        Ok(path)
+        let checked = timed.collect::<Result<_>>().and_then(|keys| {
+            let path = Self { keys };
+            path.check()?;
+            Ok(path)
+        });
+        checked.map_err(|e| within(origin, e))
     }
 
     /// Writes a file that [`CameraPath::load`] reads back bit-identically.
@@ -146,7 +205,7 @@ impl CameraPath {
         self.check()?;
         let key = self.keys.iter().map(|&Key { time, camera }| {
             let Camera { eye, target, up, fov_y, near, lens: _ } = camera;
-            KeyFile { time, eye, target, up: Some(up), fov_y, near }
+            KeyFile { time: Some(time), eye, target, up: Some(up), fov_y, near }
         });
         let first = self.keys.first().map(|key| key.camera.up);
         let up_axis = first.and_then(|up| CameraAxes::default().up_axis(up));
@@ -159,26 +218,19 @@ impl CameraPath {
     /// # Errors
     /// [`Error::Scene`] naming the first invalid key, counted from 1.
     pub fn check(&self) -> Result<()> {
-        let fail = |origin: String, problem: String| Err(Error::Scene { origin, problem });
-        if self.keys.is_empty() {
-            return fail("[[key]]".into(), "none; a camera path needs at least one".into());
-        }
         let mut before = f64::NEG_INFINITY;
         for (number, Key { time, camera }) in (1..).zip(&self.keys) {
-            let origin = format!("[[key]] {number}");
             if !time.is_finite() {
-                return fail(origin, format!("a time of {time} s; expected a finite one"));
+                return Err(fail(number, format!("a time of {time} s; expected a finite one")));
             }
             if *time <= before {
                 let problem = format!("{time} s does not come after the key before, {before} s");
-                return fail(origin, problem);
+                return Err(fail(number, problem));
             }
-            if let Err(limpid::Error::Invalid { problem, .. }) = camera.check() {
-                return fail(origin, problem);
-            }
+            check_camera(number, camera)?;
             before = *time;
         }
-        Ok(())
+        check_count(self.keys.len())
     }
 
     /// Time of the last key, s, or 0 if that is negative or there is none.

@@ -31,6 +31,8 @@ pub enum Motion {
     Path(CameraPath),
     /// A rotation about the target; the value is the duration of a full turn, s.
     Turntable(f64),
+    /// One picture of a single frame from each of these cameras.
+    Views(Vec<Camera>),
 }
 
 /// One picture of a film.
@@ -53,12 +55,26 @@ pub struct Shot {
 /// A sequence is played once, and a path starts at 0 s with the first picture. With a single particle
 /// frame the film is as long as the path, with the last picture at the path's end. A turntable makes one
 /// full turn, so that the film loops without a seam: a shorter sequence repeats, and during a longer one
-/// the camera keeps turning.
+/// the camera keeps turning. Views are pictures of a single particle frame.
 ///
 /// # Errors
-/// [`Error::Usage`] for a rate or a turn that is not above 0 and finite, or for too many pictures.
+/// [`Error::Usage`] for a rate or a turn that is not above 0 and finite, for too many pictures, or for views of several
+/// frames.
 pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Result<Vec<Shot>> {
     check_fps(fps)?;
+    if let Motion::Views(views) = motion {
+        if numbers.len() != 1 {
+            let problem = format!("views of {} frames; expected one frame", numbers.len());
+            return Err(Error::Usage(problem));
+        }
+        let shots = (1..).zip(views).map(|(number, &camera)| Shot {
+            number,
+            frame: 0,
+            camera,
+            before: None,
+        });
+        return Ok(shots.collect());
+    }
     let count = match motion {
         Motion::Path(path) if numbers.len() == 1 => (path.duration() * fps + 1e-6).floor() + 1.0,
         Motion::Turntable(seconds) if !(*seconds > 0.0 && seconds.is_finite()) => {
@@ -66,7 +82,7 @@ pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
             return Err(Error::Usage(format!("a turn of {seconds} seconds: {problem}")));
         }
         Motion::Turntable(seconds) if !numbers.is_empty() => (seconds * fps).round().max(1.0),
-        Motion::Still | Motion::Path(_) | Motion::Turntable(_) => 0.0,
+        _ => 0.0,
     };
     if count > MAX_SHOTS {
         return Err(Error::Usage(format!(
@@ -76,7 +92,7 @@ pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
     let count = count as usize;
     let at = |i: usize| {
         let camera = match motion {
-            Motion::Still => camera,
+            Motion::Still | Motion::Views(_) => camera,
             Motion::Path(path) => path.at(i as f64 / fps),
             Motion::Turntable(_) => {
                 camera.turned((i % count) as f64 / count as f64 * std::f64::consts::TAU)

@@ -119,6 +119,8 @@ struct Job {
     frame: i64,
     size: UVec2,
     aovs: Vec<Aov>,
+    /// Cameras in the world of the particles, each of a picture, in place of the scene's.
+    views: Vec<Camera>,
     described: bool,
 }
 
@@ -126,6 +128,7 @@ struct Job {
 struct Drawn {
     /// Time that classification and drawing took, s.
     seconds: f64,
+    /// Of each view.
     rgba: Vec<u8>,
     radiance: Arc<Slot>,
     images: Vec<Part>,
@@ -171,7 +174,7 @@ impl Device {
     }
 
     /// Draws particles.
-    #[pyo3(signature = (arrays, colors, project, camera, up, radius, frame, size, samples, aovs, alpha, thickness, described))]
+    #[pyo3(signature = (arrays, colors, project, camera, up, radius, frame, size, samples, aovs, alpha, thickness, views, described))]
     #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
     fn draw<'py>(
         &self,
@@ -188,6 +191,7 @@ impl Device {
         aovs: Vec<String>,
         alpha: bool,
         thickness: Option<f64>,
+        views: Vec<PyRef<'py, Camera>>,
         described: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let chosen = chosen(&aovs)?;
@@ -212,7 +216,8 @@ impl Device {
         };
         let source = Source::Particles(Arc::new(arrays.particles()?), Box::new(setting));
         let size = UVec2::new(size.0, size.1);
-        let job = Job { source, colors, thickness, frame, size, aovs: chosen, described };
+        let views = views.iter().map(|camera| **camera).collect();
+        let job = Job { source, colors, thickness, frame, size, aovs: chosen, views, described };
         self.draw_job(py, job, &aovs)
     }
 
@@ -233,6 +238,7 @@ impl Device {
             frame,
             size: UVec2::new(size.0, size.1),
             aovs: Vec::new(),
+            views: Vec::new(),
             described,
         };
         self.draw_job(py, job, &[])
@@ -259,7 +265,8 @@ impl Device {
         let idle = py.detach(|| locked(&self.state).as_mut().map(|open| open.idle.pop()));
         let idle = idle.ok_or_else(closed)?;
         let interrupt = idle.as_ref().map_or_else(Arc::default, |drawer| drawer.interrupt.clone());
-        let (state, wanted, size) = (self.state.clone(), self.wanted.clone(), job.size);
+        let (state, wanted) = (self.state.clone(), self.wanted.clone());
+        let (size, views) = (job.size, job.views.len());
         let drawn = work::run_interruptible(py, interrupt, move |interrupt| {
             let mut drawer = match idle {
                 Some(drawer) => drawer,
@@ -286,7 +293,7 @@ impl Device {
             }
             drawn
         })?;
-        to_python(py, drawn, size, aovs)
+        to_python(py, drawn, (views, size), aovs)
     }
 }
 
@@ -312,7 +319,7 @@ fn new_drawer(
 
 impl Drawer {
     fn draw(&mut self, job: Job) -> limpid_io::Result<Drawn> {
-        let Job { source, colors, thickness, frame, size, aovs, described } = job;
+        let Job { source, colors, thickness, frame, size, aovs, views, described } = job;
         let owned: Staged;
         let shared: Arc<Staged>;
         let mut colored = None;
@@ -353,18 +360,33 @@ impl Drawer {
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
         let motion =
             Motion { velocities: loaded.velocities.clone(), seconds: SHUTTER, previous: None };
-        let drawing = {
-            let scene = loaded.scene(&scene);
-            self.offscreen.begin(FrameInput {
-                surface: aovs.iter().any(interface).then_some(&motion),
-                diagnose: !aovs.is_empty(),
-                ..FrameInput::new(&scene, camera.view(), &loaded.splats, size)
-            })?
+        let of_loaded = loaded.scene(&scene);
+        let frame_input = FrameInput {
+            surface: aovs.iter().any(interface).then_some(&motion),
+            diagnose: !aovs.is_empty(),
+            ..FrameInput::new(&of_loaded, camera.view(), &loaded.splats, size)
         };
-        let images = if aovs.is_empty() { Vec::new() } else { self.offscreen.images(&aovs)? };
-        let notices = self.notices(&loaded, &scene, (camera, size), described);
-        let radiance = self.keep_radiance();
-        let rgba = drawing.wait_rgba()?.into_raw();
+        let describe = |own: &Self| own.notices(&loaded, &scene, (camera, size), described);
+        let (rgba, images, radiance, notices);
+        if views.is_empty() {
+            let drawing = self.offscreen.begin(frame_input)?;
+            images = if aovs.is_empty() { Vec::new() } else { self.offscreen.images(&aovs)? };
+            notices = describe(self);
+            radiance = self.keep_radiance();
+            rgba = drawing.wait_rgba()?.into_raw();
+        } else {
+            let up = input.up().0;
+            let views: Vec<_> = views.iter().map(|camera| camera.to_y_up(up).view()).collect();
+            let pictures = self.offscreen.draw_views(frame_input, &views)?;
+            images = Vec::new();
+            notices = describe(self);
+            radiance = self.keep_radiance();
+            rgba = pictures
+                .iter()
+                .map(|picture| picture.as_raw().as_slice())
+                .collect::<Vec<_>>()
+                .concat();
+        }
         Ok(Drawn {
             seconds: started.elapsed().as_secs_f64(),
             rgba,
@@ -436,12 +458,15 @@ fn closed() -> PyErr {
 fn to_python<'py>(
     py: Python<'py>,
     drawn: Drawn,
-    size: UVec2,
+    (views, size): (usize, UVec2),
     aovs: &[String],
 ) -> PyResult<Bound<'py, PyDict>> {
     let result = PyDict::new(py);
-    let shape = [size.y as usize, size.x as usize, 4];
-    result.set_item("rgba", drawn.rgba.into_pyarray(py).reshape(shape)?)?;
+    let (rgba, shape) = (drawn.rgba.into_pyarray(py), [size.y as usize, size.x as usize, 4]);
+    match views {
+        0 => result.set_item("rgba", rgba.reshape(shape)?)?,
+        _ => result.set_item("rgba", rgba.reshape([views, shape[0], shape[1], shape[2]])?)?,
+    }
     result.set_item("radiance", Radiance(drawn.radiance))?;
     result.set_item("aov", images(py, drawn.images, aovs)?)?;
     result.set_item("camera", drawn.camera)?;

@@ -70,7 +70,7 @@ pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
     for input in args.input.iter().chain(&args.others).chain(&args.scene) {
         input::files_of(input).iter().for_each(|path| files.reads(path));
     }
-    args.camera_path.iter().for_each(|path| files.reads(path));
+    args.camera_path.iter().chain(&args.views).for_each(|path| files.reads(path));
     match film_path(args) {
         _ if is_standard(args) => check_standard(args, shots.len())?,
         Some(path) => files.writes(path, FileKind::FILM)?,

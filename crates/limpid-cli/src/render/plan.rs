@@ -8,7 +8,7 @@ use limpid::liquid::Up;
 use limpid::look::Framing;
 use limpid::scene::Scene;
 use limpid_io::Error;
-use limpid_io::camera_path::CameraPath;
+use limpid_io::camera_path::{self, CameraPath};
 use limpid_io::film::{self, Motion, Shot};
 use limpid_io::frames::{FrameSpec, check_fps};
 use limpid_io::input::{FrameTime, Input};
@@ -166,11 +166,17 @@ pub(super) fn shots(
     numbers: &[i64],
     fps: f64,
 ) -> limpid_io::Result<Vec<Shot>> {
-    let motion = match (&args.camera_path, args.turntable) {
-        (Some(path), _) => Motion::Path(CameraPath::load_for(path, files, args.camera_up)?),
-        (None, Some(seconds)) => Motion::Turntable(seconds),
-        (None, None) => Motion::Still,
+    let motion = match (&args.camera_path, args.turntable, &args.views) {
+        (Some(path), ..) => Motion::Path(CameraPath::load_for(path, files, args.camera_up)?),
+        (_, Some(seconds), _) => Motion::Turntable(seconds),
+        (.., Some(path)) => Motion::Views(camera_path::load_views(path, files, args.camera_up)?),
+        (None, None, None) => Motion::Still,
     };
+    if matches!(motion, Motion::Views(_)) && numbers.len() != 1 {
+        let problem =
+            format!("--views: {} frames; choose one of them with --frames", numbers.len());
+        return Err(Error::Usage(problem));
+    }
     if (motion != Motion::Still || film_path(args).is_some()) && !numbers.is_sorted() {
         let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
         return Err(Error::Usage(format!("--frames: {problem}")));

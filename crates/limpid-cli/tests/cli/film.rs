@@ -555,13 +555,38 @@ fn the_camera_moves() {
     assert_eq!(open(&at("share/frame_0004.png")), pictures[3]);
 }
 
+/// `--views` draws a frame from each key of a camera path.
+#[test]
+fn views_are_pictures_from_each_key() {
+    if !adapter() {
+        return;
+    }
+    let folder = water();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("path.toml"), PATH_FILE).unwrap();
+    let still = ["water_2.xyz", "--floor=none", "--tint=physical"];
+    let views = [&still[..], &["--views=path.toml", "-o", "views/"]].concat();
+    render(folder.path(), &views, None).unwrap();
+    let numbered: Vec<_> = (1..=2).map(|i| format!("frame_{i:04}.png")).collect();
+    assert_eq!(names(&at("views")), numbered.iter().cloned().collect());
+    let cameras = [
+        "eye=0.3,0.5,2 target=0.3,0.1,0.2 fov_y=40",
+        "eye=1.5,0.5,1.5 target=0.3,0.1,0.2 fov_y=50",
+    ];
+    for (name, camera) in numbered.iter().zip(cameras) {
+        let one = [&still[..], &["--camera", camera, "-o", "one.png"]].concat();
+        render(folder.path(), &one, None).unwrap();
+        assert!(open(&at("views").join(name)) == open(&at("one.png")), "{camera}");
+    }
+}
+
 /// Options that exclude each other or a film are refused before anything is drawn, with the reason.
 #[test]
 fn incompatible_options_are_refused() {
     let folder = water();
     fs::write(folder.path().join("path.toml"), PATH_FILE).unwrap();
     let before = names(folder.path());
-    let cases: [(&[&str], &str); 10] = [
+    let cases: [(&[&str], &str); 12] = [
         (&["-o", "w.gif", "--shard=1/2"], "--shard"),
         (&["-o", "w.gif", "--skip-existing"], "--skip-existing"),
         (&["-o", "w.gif", "--aov=all"], "--aov"),
@@ -571,6 +596,8 @@ fn incompatible_options_are_refused() {
         (&["-o", "w.mp4", "--size=161x120"], "162x120"),
         (&["-o", "w.gif", "--fps=0"], "between 0.01 and 1000"),
         (&["--turntable=0"], "above 0"),
+        (&["-o", "w/", "--views=path.toml"], "choose one of them with --frames"),
+        (&["--turntable=1", "--views=path.toml"], "--views"),
         (&["--turntable=1", "--camera-path=path.toml"], "--camera-path"),
     ];
     for (args, expected) in cases {

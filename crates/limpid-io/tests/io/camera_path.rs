@@ -4,8 +4,9 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use limpid::camera::Camera;
+use limpid::liquid::Up;
 use limpid_io::Error;
-use limpid_io::camera_path::{CameraPath, Key};
+use limpid_io::camera_path::{CameraPath, Key, load_views};
 use limpid_io::film::{Motion, Shot, shots};
 
 /// Unevenly spaced times of keys.
@@ -345,6 +346,31 @@ fn shots_along_a_path() {
         summary(&shots(&[42], fixed_camera(), &Motion::Path(one), 30.0).unwrap()),
         [(42, 0)]
     );
+}
+
+/// Views are pictures of one frame from each key, whose times do not count and may be left out; a path needs them.
+#[test]
+fn views_are_keys_without_times() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("views.toml");
+    let key = |time: &str| format!("[[key]]\n{time}eye = [1, 2, 3]\ntarget = [0, 0, 0]\n");
+    std::fs::write(&file, key("") + &key("time = 3.0\n") + &key("time = 1.0\n")).unwrap();
+    let views = load_views(&file, Up::Y, None).expect("three views");
+    assert_eq!(views, [camera(DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO); 3]);
+    let error = CameraPath::load(&file).unwrap_err().to_string();
+    assert!(error.contains("views.toml: [[key]] 1: without a time"), "{error}");
+
+    let listed = shots(&[42], fixed_camera(), &Motion::Views(views.clone()), 30.0).unwrap();
+    assert_eq!(summary(&listed), [(1, 0), (2, 0), (3, 0)]);
+    assert!(listed.iter().all(|shot| shot.camera == views[0] && shot.before.is_none()));
+    let error = shots(&[1, 2], fixed_camera(), &Motion::Views(views), 30.0).unwrap_err();
+    assert!(error.to_string().contains("expected one frame"), "{error}");
+
+    for (text, problem) in [("", "[[key]]: none"), (&key("fov_y = 0.0\n"), "[[key]] 1: ")] {
+        std::fs::write(&file, text).unwrap();
+        let error = load_views(&file, Up::Y, None).unwrap_err().to_string();
+        assert!(error.contains(problem), "{error}");
+    }
 }
 
 /// A turntable loops without a seam, and a shorter sequence repeats.
