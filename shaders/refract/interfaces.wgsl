@@ -481,14 +481,16 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 end_scale = scale;
             } else {
                 hit = liquid_exit(screen_ray(o, d, select(solid.t, NOTHING, rises)), start);
-                if !hit.found && !rises {
-                    diagnosed.failures += 1.0;
+                let missed = !hit.found && !rises;
+                if missed {
                     hit.found = !plane_is_empty(hit.plane);
                 }
                 to_hit = distance(hit.position, o);
                 // Whether the liquid reaches the solid.
                 wet = !rises && solid.t < NOTHING
                     && (!hit.found || solid.t <= to_hit || touches(solid, o + solid.t * d, hit.position));
+                // A ray that ends on a solid in the liquid has no exit to find.
+                diagnosed.failures += select(0.0, 1.0, missed && !wet);
             }
             if rises {
                 let depth = max(height - dot(o, up), 0.0);

@@ -52,6 +52,8 @@ fn contact_wets_solids() {
         }
         let inside = if contact > 1.5 { 2.0 * half + gap } else { 2.0 * half };
         assert!((images.at("inside", MIDDLE) - f64::from(inside)).abs() < 1e-4);
+        // Nor does a ray fail that ends on a solid in the liquid.
+        assert_eq!(images.at("failures", MIDDLE), 0.0);
     }
 }
 
@@ -87,6 +89,7 @@ fn solids_hide_liquid_and_end_rays() {
         assert!((found - expected).abs().max_element() < 1e-4, "{found}, not {expected}");
         assert_eq!(images.at("interfaces", MIDDLE), 1.0);
         assert!((images.at("inside", MIDDLE) - 0.8).abs() < 1e-4);
+        assert_eq!(images.at("failures", MIDDLE), 0.0);
     }
 }
 
