@@ -190,17 +190,21 @@ fn describe(info: &Info) -> String {
         None => ", unevenly numbered".into(),
     };
     let Info { pattern, frames, first, last, .. } = info;
-    let mut lines = vec![format!("{pattern}: {frames} frames, {first} to {last}{steps}")];
+    let numbers = match frames {
+        1 => format!("1 frame, {first}"),
+        _ => format!("{frames} frames, {first} to {last}{steps}"),
+    };
+    let mut lines = vec![format!("{pattern}: {numbers}")];
     match (info.up.as_str(), info.up_from) {
         ("y", "flat") => lines.push("y points up in the files (flat)".to_owned()),
         ("y", _) => {}
         ("z", "guessed") => {
             lines.push(
-                "z seems to point up in the files (guessed), which are turned to y up".into(),
+                "z seems to point up in the files (guessed); places are in their axes".into(),
             );
         }
         (up, from) => {
-            lines.push(format!("{up} points up in the files ({from}), which are turned to y up"));
+            lines.push(format!("{up} points up in the files ({from}); places are in their axes"));
         }
     }
     for frame in &info.described {
@@ -208,8 +212,14 @@ fn describe(info: &Info) -> String {
             [] => "positions only".to_owned(),
             names => names.join(", "),
         };
+        // In the axes of the files, in which cameras are given too.
         let extent = |min: [f64; 3], max: [f64; 3]| {
-            let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", min[i], max[i]));
+            let along = |i: usize| (min[i], max[i]);
+            let [x, y, z] = match info.up.as_str() {
+                "z" => [along(0), (0.0 - max[2], 0.0 - min[2]), along(1)],
+                _ => [0, 1, 2].map(along),
+            };
+            let [x, y, z] = [x, y, z].map(|(low, high)| format!("{low} to {high}"));
             format!("x {x}, y {y}, z {z} m")
         };
         lines.push(format!("frame {}: {}", frame.frame, frame.path));

@@ -131,7 +131,7 @@ impl fmt::Display for Notice {
                 )
             }
             Self::MaybeRadius(array) => {
-                write!(f, "{array} is ignored, and the radius is guessed")
+                write!(f, "the radius is guessed, although there is {array}")
             }
             Self::Crowded(radius) => write!(
                 f,

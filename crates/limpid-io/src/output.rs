@@ -440,7 +440,8 @@ impl OutputNames {
                 Ok(Self { path: output.to_owned(), numbered: None, folder: false })
             }
             None => Err(Error::Usage(format!(
-                "{frames} frames cannot all be {}; put #### where the number goes, or name a folder",
+                "{frames} frames cannot all be {}; put #### where the number goes, or end it \
+                 with / for a folder",
                 output.display()
             ))),
         }

@@ -153,8 +153,15 @@ fn describe(loaded: &Loaded, adapter: &str) -> String {
         (up, UpFrom::Guess) => text += &format!(", {up} up (guessed, or else --up y)"),
         (up, from) => text += &format!(", {up} up ({})", from.word()),
     }
+    // A line of its own says of them that they are ignored, and why.
+    let has_remark = |name: &str| {
+        let of_array =
+            |remark: &Remark| matches!(remark, Remark::Unusable { array, .. } if array == name);
+        loaded.remarks.iter().any(of_array)
+    };
     for (used, word) in [(true, "used"), (false, "ignored")] {
         let arrays = loaded.arrays.iter().filter(|array| array.used_as.is_some() == used);
+        let arrays = arrays.filter(|array| used || !has_remark(&array.name));
         if let Some(names) = listed(arrays) {
             text += &format!(", {names} {word}");
         }

@@ -64,7 +64,7 @@ fn info_scene_and_convert_from_a_pipe() {
     let (code, stdout, stderr) = pipe(folder.path(), &["info", "-"], &bytes);
     let stdout = String::from_utf8(stdout).unwrap();
     assert_eq!(code, 0, "{stderr}");
-    assert_contains(&stdout, &["standard input: 1 frames", "stdin.ply", "125 particles"]);
+    assert_contains(&stdout, &["standard input: 1 frame,", "stdin.ply", "125 particles"]);
 
     let (code, stdout, stderr) = pipe(folder.path(), &["convert", "-", "out.npz"], &bytes);
     assert_eq!((code, stdout.len()), (0, 0), "{stderr}");

@@ -167,7 +167,7 @@ impl fmt::Display for Remark {
             }
             Self::Renumbered { step } => write!(
                 f,
-                "the frames are numbered from 0: the time step {step} does not follow the one before it"
+                "time step {step} does not follow the one before it, so the frames are numbered from 0"
             ),
             Self::Unread { problem, shown: Some(number) } => {
                 write!(f, "{problem}; frame {number} is shown in its place")

@@ -85,7 +85,7 @@ impl Contents {
     }
 
     /// Replaces numbers of attributes that cannot be used, if they are few: velocities by 0, densities and
-    /// radii by the median of the others, ellipsoids by ones that the classifier replaces. Otherwise, and if an id is no integer, the
+    /// radii by the median of the others, ellipsoids by ones that the classifier replaces. Otherwise, and if an id is not an integer, the
     /// attribute is left out.
     fn repair(&mut self) {
         let not_finite = "not finite";
@@ -104,7 +104,7 @@ impl Contents {
                 |e: &Ellipsoid| bytemuck::cast_ref::<_, [f32; 6]>(e).iter().all(|x| x.is_finite());
             repair(&mut p.ellipsoids, is_finite, |_| Ellipsoid::default())
         });
-        self.repair_attribute(Attribute::Id, "no integers", "", |p| {
+        self.repair_attribute(Attribute::Id, "not integers", "", |p| {
             let first = p.ids.as_ref()?.iter().position(|&id| id == NO_ID)?;
             let ids = p.ids.take().unwrap_or_default();
             let count = ids.iter().filter(|&&id| id == NO_ID).count();

@@ -50,7 +50,7 @@ fn attributes_stay_with_their_particles() {
     assert_eq!(particles.velocities, Some([1.0, 3.0, 5.0].map(|x| vec3(x, 0.0, 0.0)).to_vec()));
     assert_eq!(particles.densities, Some(vec![1000.0, 1002.0, 1004.0]));
     assert_eq!(particles.radii, Some(vec![0.1, 0.3, 0.5]));
-    // Ids that are no integers leave the ids out, of whatever particles they are.
+    // Ids that are not integers leave the ids out, of whatever particles they are.
     assert_eq!(particles.ids, Some(vec![10, 12, 14]));
     let expected = "2 of 5 particles have no finite position below 1e18 and are left out (the first: particle 1)";
     assert_eq!(remarks(&found), [expected]);
@@ -116,7 +116,7 @@ fn few_unusable_numbers_are_replaced() {
 #[test]
 fn an_unusable_attribute_is_left_out() {
     let float_ids = archive("(4,)", &[0.0, 0.25, 1.0, 0.5], "id");
-    let expected = "id is ignored: 2 of 4 values are no integers (the first: of particle 1)";
+    let expected = "id is ignored: 2 of 4 values are not integers (the first: of particle 1)";
     assert_eq!(
         (float_ids.particles.ids.clone(), remarks(&float_ids)),
         (None, vec![expected.into()])
