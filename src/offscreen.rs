@@ -84,7 +84,7 @@ impl Offscreen {
     /// As [`Renderer::render`].
     #[cfg(not(target_arch = "wasm32"))]
     pub fn begin(&mut self, input: FrameInput<'_>) -> Result<PendingFrame> {
-        let mut frame = self.submit(input)?;
+        let mut frame = self.submit(input, false)?;
         pollster::block_on(frame.finish_times())?;
         Ok(frame)
     }
@@ -100,11 +100,13 @@ impl Offscreen {
         const IN_FLIGHT: usize = 3;
         let mut pending = VecDeque::with_capacity(IN_FLIGHT);
         let mut pictures = Vec::with_capacity(views.len());
-        for &view in views {
+        for (i, &view) in views.iter().enumerate() {
             if pending.len() == IN_FLIGHT {
                 pictures.extend(pending.pop_front().map(PendingFrame::wait_rgba).transpose()?);
             }
-            pending.push_back(self.begin(FrameInput { view, reuse: true, ..input })?);
+            let mut frame = self.submit(FrameInput { view, reuse: true, ..input }, i > 0)?;
+            pollster::block_on(frame.finish_times())?;
+            pending.push_back(frame);
         }
         for last in pending {
             pictures.push(last.wait_rgba()?);
@@ -118,7 +120,7 @@ impl Offscreen {
     /// # Errors
     /// As `Renderer::render`.
     pub async fn finish(&mut self, input: FrameInput<'_>) -> Result<RenderedFrame> {
-        let mut frame = self.submit(input)?;
+        let mut frame = self.submit(input, false)?;
         frame.finish_times().await?;
         let picture = reduced(frame.picture.finish(&frame.gpu).await?, frame.side);
         Ok(RenderedFrame::of(picture, frame.transparent, frame.passes))
@@ -141,8 +143,9 @@ impl Offscreen {
         (2..=wanted).rev().find(|&side| fits(side)).unwrap_or(1)
     }
 
-    /// Submits one frame of `size` pixels; its pass times are still to be read.
-    fn submit(&mut self, input: FrameInput<'_>) -> Result<PendingFrame> {
+    /// Submits one frame of `size` pixels; its pass times are still to be read. The caller may know that it has the last
+    /// frame's splats.
+    fn submit(&mut self, input: FrameInput<'_>, has_last_splats: bool) -> Result<PendingFrame> {
         self.side = self.drawn_for_one(input.scene, input.size);
         let (side, size) = (self.side, input.size * self.side);
         let mut scene = Cow::Borrowed(input.scene);
@@ -155,7 +158,8 @@ impl Offscreen {
             Some(reusable) => self.picture.insert(reusable),
             None => self.picture.insert(Picture::new(&self.gpu, size)?),
         };
-        let times = self.renderer.submit(FrameInput { scene: &scene, size, ..input }, &*picture)?;
+        let input = FrameInput { scene: &scene, size, ..input };
+        let times = self.renderer.submit_frame(input, &*picture, has_last_splats)?;
         let picture = picture.begin_reading(&self.gpu);
         let transparent = scene.settings.refract.transparent;
         let gpu = self.gpu.clone();

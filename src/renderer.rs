@@ -150,7 +150,17 @@ impl Renderer {
         input: FrameInput<'_>,
         target: impl Into<Target<'a>>,
     ) -> Result<Option<SubmittedTimes>> {
-        let mut frame = self.prepare_views(input)?;
+        self.submit_frame(input, target, false)
+    }
+
+    /// As [`Renderer::submit`]; the caller may know that the frame has the last one's splats, if that was drawn.
+    pub(crate) fn submit_frame<'a>(
+        &mut self,
+        input: FrameInput<'_>,
+        target: impl Into<Target<'a>>,
+        has_last_splats: bool,
+    ) -> Result<Option<SubmittedTimes>> {
+        let mut frame = self.prepare_views(input, has_last_splats)?;
         let gpu = &self.gpu.clone();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let (mut timer, mut commands) = (self.timer(&frame), Commands::new(gpu, &mut encoder));
@@ -183,7 +193,7 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn prepare<'a>(&mut self, input: FrameInput<'a>) -> Result<Frame<'a>> {
-        let mut frame = self.prepare_views(input)?;
+        let mut frame = self.prepare_views(input, false)?;
         self.prepare_picture(&mut frame);
         Ok(frame)
     }
@@ -302,10 +312,15 @@ impl Renderer {
 
     /// Checks a frame, resizes what is drawn into, uploads changed inputs, and compiles missing pipelines,
     /// except for refraction, which takes longest and is compiled later.
-    fn prepare_views<'a>(&mut self, input: FrameInput<'a>) -> Result<Frame<'a>> {
+    fn prepare_views<'a>(
+        &mut self,
+        input: FrameInput<'a>,
+        has_last_splats: bool,
+    ) -> Result<Frame<'a>> {
         self.check(&input)?;
         let mut last = self.last.take().filter(|_| input.reuse);
-        let has_other_splats = !last.as_ref().is_some_and(|last| last.has_splats(input.splats));
+        let is_same = |last: &LastFrame| has_last_splats || last.has_splats(input.splats);
+        let has_other_splats = !last.as_ref().is_some_and(is_same);
         if has_other_splats {
             self.splat_set.upload(&self.gpu, input.splats);
         }

@@ -6,7 +6,7 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::classify::{Splat, Splats};
+use super::classify::{Extent, Splat, Splats};
 
 /// Splats of a block.
 pub const SIZE: usize = 64;
@@ -68,6 +68,17 @@ impl Block {
 }
 
 impl Blocks {
+    /// The extent of the splats around their origin, m; `None` without any.
+    pub(crate) fn extent(&self, origin: DVec3) -> Option<Extent> {
+        let none = (Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0f32);
+        let all = self.aggregates.iter().chain(&self.splashes);
+        let (min, max, reach) = all.fold(none, |(min, max, reach), block| {
+            (min.min(block.min), max.max(block.max), reach.max(block.longest))
+        });
+        let place = |x: Vec3| origin + x.as_dvec3();
+        min.is_finite().then(|| Extent { min: place(min), max: place(max), reach: reach.into() })
+    }
+
     /// The blocks of these splats.
     pub fn new(splats: &Splats) -> Self {
         let blocks = |splats: &[Splat]| splats.par_chunks(SIZE).map(Block::new).collect();

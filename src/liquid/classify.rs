@@ -39,7 +39,7 @@ use tree::Tree;
 pub use device::Classifier;
 pub use tree::estimate_radius;
 pub use walls::add_wall_contacts;
-pub(crate) use walls::{Eye, seen_past_walls};
+pub(crate) use walls::{Extent, Eye, seen_past_walls};
 
 /// A splat in GPU layout: the ellipsoid { centre + A·s : |s| ≤ 1 }.
 ///

@@ -332,7 +332,9 @@ impl ViewPasses {
         // The third row of the rotation into view space points towards an orthographic view's eye.
         let [x, y, z] = camera.view_from_world.map(|column| f64::from(column[2]));
         let from = if camera.far > 0.0 { Eye::Towards(DVec3::new(x, y, z)) } else { Eye::At(eye) };
-        let seen = seen_past_walls(frame.splats, &frame.scene.solids, from);
+        let extent = frame.splat_set.blocks.extent(frame.splats.origin);
+        let solids = &frame.scene.solids;
+        let seen = extent.and_then(|extent| seen_past_walls(frame.splats, extent, solids, from));
         self.own_splats = seen.map(|seen| {
             let old = self.own_splats.take();
             let mut own = old.map_or_else(|| SplatSet::new(gpu), |(_, own)| own);

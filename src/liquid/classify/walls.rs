@@ -78,16 +78,21 @@ impl Eye {
     }
 }
 
-/// Returns the splats adjusted for a view that sees thin solids from behind, or `None` if none changes.
+/// Returns the splats, which have this extent, adjusted for a view that sees thin solids from behind, or `None` if none
+/// changes.
 ///
 /// A splat at a wall penetrates it by its own size, and would show on the far side of a plane or a thin
 /// box. If the eye is on that side, the splat is moved back until it no longer protrudes, with a margin for smoothing; the
 /// wall hides the displacement. Views from the liquid's side do not change.
-pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Option<Splats> {
+pub(crate) fn seen_past_walls(
+    splats: &Splats,
+    extent: Extent,
+    solids: &[Solid],
+    eye: Eye,
+) -> Option<Splats> {
     if solids.is_empty() {
         return None;
     }
-    let extent = Extent::of(splats)?;
     let walls: Vec<_> = (1..)
         .zip(solids)
         .filter(|(_, solid)| extent.may_pass(&solid.shape, eye))
@@ -212,27 +217,14 @@ fn thickness(shape: &Shape, surface: DVec3, normal: DVec3, limit: f64) -> f64 {
 }
 
 /// Bounding box of the splat centres, m, and the largest splat extent.
-struct Extent {
-    min: DVec3,
-    max: DVec3,
-    reach: f64,
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Extent {
+    pub(crate) min: DVec3,
+    pub(crate) max: DVec3,
+    pub(crate) reach: f64,
 }
 
 impl Extent {
-    fn of(splats: &Splats) -> Option<Self> {
-        let empty = || (Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0f64);
-        let join =
-            |a: (Vec3, Vec3, f64), b: (Vec3, Vec3, f64)| (a.0.min(b.0), a.1.max(b.1), a.2.max(b.2));
-        let one = |splat: &Splat| {
-            let centre = Vec3::from_array(splat.centre);
-            (centre, centre, splat.longest())
-        };
-        let all = splats.aggregates.par_iter().chain(&splats.splashes);
-        let (min, max, reach) = all.map(one).reduce(empty, join);
-        let place = |x: Vec3| splats.origin + x.as_dvec3();
-        min.is_finite().then(|| Self { min: place(min), max: place(max), reach })
-    }
-
     /// Whether a splat may protrude from a solid towards the eye.
     fn may_pass(&self, shape: &Shape, eye: Eye) -> bool {
         match *shape {
