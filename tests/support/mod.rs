@@ -1,4 +1,4 @@
-//! What several test programs need: a device, random numbers, and shader functions that run on the device over arrays of
+//! Helpers of several test programs: a device, random numbers, and shader functions that run on the device over arrays of
 //! test cases; below it hand-made frames, hosts, and a device that does nothing.
 
 #![allow(dead_code, reason = "each program uses a part")]

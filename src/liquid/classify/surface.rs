@@ -229,7 +229,7 @@ impl Point {
     }
 }
 
-/// What neighbours of a point need to know of it: little, since most of those that are looked at are too far away.
+/// A point as its neighbours see it. Small, since most candidates are too far away to count.
 #[derive(Clone, Copy)]
 struct Neighbor {
     /// The particle.

@@ -153,7 +153,7 @@ fn describe(loaded: &Loaded, adapter: &str) -> String {
         (up, UpFrom::Guess) => text += &format!(", {up} up (guessed, or else --up y)"),
         (up, from) => text += &format!(", {up} up ({})", from.word()),
     }
-    // A line of its own says of them that they are ignored, and why.
+    // Unusable arrays have a line of their own.
     let has_remark = |name: &str| {
         let of_array =
             |remark: &Remark| matches!(remark, Remark::Unusable { array, .. } if array == name);

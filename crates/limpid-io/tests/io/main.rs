@@ -1,5 +1,5 @@
-//! What is read, written and generated: particle files and sequences, scenes and cameras, recipes and simulations, and
-//! pictures of what only files hold. `meshes` and `soak` measure the memory of their process, and are programs of their
+//! Input, output and recipes: particle files and sequences, scenes and cameras, recipes and simulations, and
+//! pictures that need files. `meshes` and `soak` measure the memory of their process, and are programs of their
 //! own.
 
 mod bake;
