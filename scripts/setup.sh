@@ -41,7 +41,7 @@ has_compiler() { has cc && has c++; }
 
 has_loader() {
     has_file /usr/lib*/libvulkan.so.1 /usr/lib/*/libvulkan.so.1 /usr/local/lib*/libvulkan.so.1 ||
-        { command -v ldconfig >/dev/null && ldconfig -p | grep -q 'libvulkan\.so\.1'; }
+        { command -v ldconfig >/dev/null && ldconfig -p | grep 'libvulkan\.so\.1' >/dev/null; }
 }
 
 # Any driver will do where there is a graphics card; without one, it must be the software driver.

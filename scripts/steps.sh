@@ -68,7 +68,7 @@ in_opengl() {
 
 # Whether a browser for the tests of the page is there, or can be installed, with what drives it.
 has_browser() {
-    if command -v npm >/dev/null && { [[ -x /usr/bin/chromium ]] || apt-cache policy chromium 2>/dev/null | grep -q 'Candidate: [0-9]'; }; then
+    if command -v npm >/dev/null && { [[ -x /usr/bin/chromium ]] || apt-cache policy chromium 2>/dev/null | grep 'Candidate: [0-9]' >/dev/null; }; then
         return
     fi
     echo "Chromium or npm cannot be installed: not tested"
