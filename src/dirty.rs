@@ -98,6 +98,7 @@ impl LastFrame {
             kept.aggregates.clone_from(&splats.aggregates);
             kept.splashes.clone_from(&splats.splashes);
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
+            kept.device.clone_from(&splats.device);
         }
         Self { scene: scene.clone(), view, splats: kept, config, diagnosed: diagnose }
     }
@@ -129,6 +130,7 @@ fn same_splats(a: &Splats, b: &Splats) -> bool {
         && a.is_hull == b.is_hull
         && a.bulk == b.bulk
         && a.origin == b.origin
+        && a.device == b.device
         && a.aggregates.len() == b.aggregates.len()
         && a.splashes.len() == b.splashes.len()
         && bytes(&a.aggregates) == bytes(&b.aggregates)

@@ -247,6 +247,13 @@ impl Gpu {
         self.uniforms_are_stored()
     }
 
+    /// Bytes of the largest storage buffer that a shader can read whole.
+    #[doc(hidden)]
+    pub fn most_binding(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
     /// How a tile's pixels are divided among threads when splats are drawn.
     #[doc(hidden)]
     pub fn grain(&self) -> Grain {

@@ -82,7 +82,7 @@ impl Lights {
                 Some(LightMaps { maps: new("caustic maps"), receivers: new("caustic receivers") });
         }
 
-        let splash = !splats.splashes.is_empty();
+        let splash = splats.has_splashes();
         let mut prepared = Vec::new();
         for (i, placed) in self.views.iter().enumerate() {
             let view = &placed.view;
@@ -308,6 +308,10 @@ pub fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
 
 /// The bulk of the splats' centres, relative to their origin.
 fn bulk(splats: &Splats) -> Option<Bulk> {
+    if let Some(device) = &splats.device {
+        let bounds = device.bounds;
+        return Some(Bulk { bounds, outside: 0, lost: None, core: bounds });
+    }
     let bodies = splats.aggregates.len();
     let splat = |i: usize| splats.aggregates.get(i).unwrap_or_else(|| &splats.splashes[i - bodies]);
     let place = |i: usize| centre(splat(i));
@@ -325,6 +329,11 @@ fn bulk(splats: &Splats) -> Option<Bulk> {
 
 /// The bounding box, m, of the splats whose centres lie in a box relative to their origin.
 fn around(splats: &Splats, (least, greatest): (DVec3, DVec3)) -> Option<(DVec3, DVec3)> {
+    if let Some(device) = &splats.device {
+        let (min, max) = device.bounds;
+        let (min, max) = (min.max(least), max.min(greatest));
+        return min.cmple(max).all().then_some((splats.origin + min, splats.origin + max));
+    }
     let all = splats.aggregates.par_iter().chain(&splats.splashes);
     let within = |x: DVec3| least.cmple(x).all() && x.cmple(greatest).all();
     let all = all.filter(|splat| within(centre(splat)));

@@ -36,7 +36,8 @@ impl Motion {
             return Ok(());
         }
         let all = splats.aggregates.par_iter().chain(&splats.splashes);
-        let needed = all.map(|splat| splat.particle as usize + 1).max().unwrap_or(0);
+        let on_host = all.map(|splat| splat.particle as usize + 1).max().unwrap_or(0);
+        let needed = splats.device.as_ref().map_or(on_host, |device| device.count as usize);
         match self.velocities.len() {
             known if known < needed => {
                 fail(format!("{known} velocities are given for {needed} particles"))

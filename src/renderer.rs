@@ -527,7 +527,7 @@ impl<'a> Frame<'a> {
         let settings = &scene.settings;
         let screen_solids =
             settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
-        let splash = !splats.splashes.is_empty();
+        let splash = splats.has_splashes();
         let gaps = gaps::count(&settings.layers, settings.refract.interfaces, splats);
         let variant = Variant::new(scene, splash, gaps, host.is_some(), diagnose);
         let starts_inside = view_range::may_start_inside(splats, blocks, &view, size);

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::camera::{CameraUniform, Lens, Projection, View};
 use crate::error::{Error, Result};
 use crate::liquid::blocks::{Block, Blocks};
-use crate::liquid::classify::{self, Splat, Splats};
+use crate::liquid::classify::{self, DeviceSplats, Splat, Splats};
 use crate::scene::{Scene, Shape, Solid, Surface};
 
 /// Fails if the product of a splat's axes and its distance, squared, leaves the range of 32-bit
@@ -16,8 +16,7 @@ pub(crate) fn check_scale(splats: &Splats, view: &View) -> Result<()> {
     /// Range of radius times distance, m²; pictures are correct up to both ends.
     const PRODUCTS: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
     let (radius, distance) = (f64::from(splats.radius), view.focus);
-    let empty = splats.aggregates.is_empty() && splats.splashes.is_empty();
-    if empty || PRODUCTS.contains(&(radius * distance)) {
+    if splats.is_empty() || PRODUCTS.contains(&(radius * distance)) {
         return Ok(());
     }
     let problem = format!(
@@ -49,13 +48,13 @@ pub(crate) fn from_near_by(
     const PATTERN: f64 = 1.5;
     const FADED: f64 = 4.0;
     let (from_eye, ahead) = (splats.origin - view.eye, view.ahead());
-    let ends = |splat: &Splat| {
+    let ends = |splat: Splat| {
         let depth = (from_eye + Vec3::from_array(splat.centre).as_dvec3()).dot(ahead);
         (depth - splat.longest(), depth + splat.longest())
     };
     let (radius, pixels) = (f64::from(splats.radius), size.as_dvec2());
     let length = |depth: f64| radius.max(view.pixel_side(size, depth));
-    let all = || splats.aggregates.iter().chain(&splats.splashes).map(ends);
+    let all = || splats.outline().map(ends);
     let is_resolved = |(nearest, _)| nearest <= 0.0 || nearest <= RESOLVED.start * length(nearest);
     // In a usual view the first one is.
     if all().next().is_none() || all().any(is_resolved) {
@@ -183,12 +182,12 @@ fn hides_nothing(
         Some(corners) => corners.into_iter().all(|corner| is_above(corner, 0.0)),
         None => std::ptr::eq(solid, ground),
     };
-    let is_splat_above = |splat: &Splat| {
+    let is_splat_above = |splat: Splat| {
         is_above(splats.origin + Vec3::from_array(splat.centre).as_dvec3(), splat.longest())
     };
     view.ahead().dot(up) <= 0.0
         && scene.solids.iter().all(is_solid_above)
-        && splats.aggregates.iter().chain(&splats.splashes).all(is_splat_above)
+        && splats.outline().all(is_splat_above)
 }
 
 /// Moves a default near plane in front of the liquid, if the eye is outside the liquid but nearer to
@@ -227,6 +226,12 @@ pub(crate) fn clear_of_liquid(
         (((to_sphere * offset).length() - 1.0) / norm).max(distance - reach)
     };
     let near = |block: &Block| block.distance(eye) - f64::from(block.longest) < farthest;
+    if let Some(device) = &splats.device {
+        // Among the splats the host does not know how near the nearest is: as near as its particle's centre would be.
+        let distance = device.distance(eye).max(2.0 * NEAR_SHARE * f64::from(splats.radius));
+        let near = (NEAR_SHARE * distance / corner) as f32;
+        return View { near: Some(near.min(uniform.near)), ..view };
+    }
     let nearest = blocks.splats_where(splats, near).map(clearance).fold(f64::INFINITY, f64::min);
     if nearest >= farthest || nearest <= 0.0 || classify::is_inside(splats, eye, support) {
         return view;
@@ -252,9 +257,11 @@ pub(crate) fn farthest_depth(splats: &Splats, view: &View) -> f64 {
         (from_eye + centre).dot(ahead) + splat.longest()
     };
     let all = splats.aggregates.par_iter().chain(&splats.splashes);
+    let on_device = splats.device.iter().flat_map(DeviceSplats::corners);
+    let on_device = on_device.map(|corner| depth(&corner)).fold(0.0, f64::max);
     // Smoothing may move a surface back.
     let margin = 4.0 * f64::from(splats.radius);
-    all.map(depth).reduce(|| 0.0, f64::max) + margin.max(1e-3 * view.focus)
+    all.map(depth).reduce(|| on_device, f64::max) + margin.max(1e-3 * view.focus)
 }
 
 /// Whether a pixel's ray may start inside the liquid. It then leaves through a back, even if rays are
@@ -262,10 +269,18 @@ pub(crate) fn farthest_depth(splats: &Splats, view: &View) -> f64 {
 pub(crate) fn may_start_inside(splats: &Splats, blocks: &Blocks, view: &View, size: UVec2) -> bool {
     let (from_eye, ahead) = (splats.origin - view.eye, view.ahead());
     if view.is_orthographic() {
-        return splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
+        let near = f64::from(view.near());
+        let ends = |splat: Splat| {
             let depth = (from_eye + Vec3::from_array(splat.centre).as_dvec3()).dot(ahead);
-            (depth - f64::from(view.near())).abs() <= 1.001 * splat.longest()
-        });
+            let reach = 1.001 * splat.longest();
+            (depth - reach, depth + reach)
+        };
+        if splats.device.is_some() {
+            let wider = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+            let all = splats.outline().map(ends).fold((f64::INFINITY, f64::NEG_INFINITY), wider);
+            return all.0 <= near && near <= all.1;
+        }
+        return splats.outline().map(ends).any(|(first, last)| first <= near && near <= last);
     }
     let uniform = view.uniform(size, splats.origin, 0.0);
     // Distance from the eye to the near plane's corners, with a margin for planes at grazing angles.
@@ -273,6 +288,9 @@ pub(crate) fn may_start_inside(splats: &Splats, blocks: &Blocks, view: &View, si
     let eye = -uniform.origin.as_dvec3();
     // With a margin for rounding below.
     let beside = 1.01 * f64::from(near) + 1e-5 * eye.length();
+    if let Some(device) = &splats.device {
+        return device.distance(eye) <= beside;
+    }
     let reaches = |block: &Block| block.distance(eye) <= 1.01 * f64::from(block.longest) + beside;
     blocks.splats_where(splats, reaches).any(|splat| {
         (uniform.origin + Vec3::from_array(splat.centre)).length()

@@ -30,6 +30,16 @@ fn count_tile(rect: Rect, i: u32) {
     atomicAdd(&counts[tile_index(rect_tile(rect, i))], 1u);
 }
 
+// A sphere behind the eye, which no ray meets.
+const NOWHERE: ViewSplat =
+    ViewSplat(vec4f(1.0, 0.0, 0.0, 0.0), vec4f(0.0, 1.0, 0.0, 0.0), vec4f(0.0, 0.0, 1.0, 1e30));
+
+// Whether a splat is of another kind, or another splat stands for its particle.
+fn is_left_out(tags: u32) -> bool {
+    let is_droplet = (tags & SPLASH) != 0u;
+    return params.kinds != ALL && ((tags & HIDDEN) != 0u || is_droplet != (params.kinds == DROPLETS));
+}
+
 @compute @workgroup_size(THREADS)
 fn project(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let thread = thread_index(group, local);
@@ -39,6 +49,13 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         return;
     }
     let splat = splats[index];
+    if is_left_out(splat.tags) {
+        if lane == 0u {
+            placed[index] = NOWHERE;
+            rects[index] = vec4u(NOTHING, NOTHING);
+        }
+        return;
+    }
     let shape = splat_in_view(splat);
     let inner = tiles_within(splat_bounds(shape));
     var outer = inner;

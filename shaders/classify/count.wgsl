@@ -2,7 +2,7 @@
 
 #import classify/params.wgsl
 
-@group(0) @binding(1) var<storage, read> members: array<vec4f>;      // position and radius, m
+@group(0) @binding(1) var<storage, read> members: array<vec4f>;      // position and radius, m; radius 0: none
 @group(0) @binding(2) var<storage, read_write> cells: array<vec2u>;  // cell, and arrival rank in it
 @group(0) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
 
@@ -12,10 +12,11 @@ fn count(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     if i >= params.members {
         return;
     }
-    // Members outside the grid belong to border cells.
-    let inside = clamp(members[i].xyz, params.least, params.greatest);
-    let at = vec3u((inside - params.least) * params.per_cell);
-    let cell = cell_index(min(at, params.counts - 1u));
+    if members[i].w <= 0.0 {
+        cells[i] = vec2u(NO_CELL, 0u);
+        return;
+    }
+    let cell = cell_index(cell_around(members[i].xyz));
     // The rank depends on scheduling; `arrange` restores file order.
     cells[i] = vec2u(cell, atomicAdd(&counts[cell], 1u));
 }

@@ -2,6 +2,7 @@
 
 #import classify/params.wgsl
 #import classify/eigen.wgsl
+#import classify/spline.wgsl
 
 @group(0) @binding(1) var<storage, read> starts: array<u32>;
 @group(0) @binding(2) var<storage, read> sorted: array<vec4f>; // position and radius, m
@@ -19,7 +20,8 @@ struct Moments {
     weight: f32,        // sum of w, which includes the volume relative to the member's
     first: vec3f,       // sum of w x, x relative to a point near the member
     diagonal: vec3f,    // sums of w x^2, y^2, z^2
-    off_diagonal: vec3f // sums of w xy, xz, yz
+    off_diagonal: vec3f,// sums of w xy, xz, yz
+    field: f32,         // sum of V W: the density whose iso-surface is looked for
 }
 
 // Yu and Turk's weight 1 - (d/h)^3 of a neighbour, from the square of d/h.
@@ -31,11 +33,12 @@ fn weight(square: f32) -> f32 {
 // from the member, in h.
 fn moments(own: vec4f, cell: u32, point: vec3f) -> Moments {
     let h = params.support * own.w;
-    let reach = vec3u(u32(ceil(h * params.per_cell * ROUNDING)));
-    let counts = params.counts;
-    let at = vec3u(cell % counts.x, cell / counts.x % counts.y, cell / (counts.x * counts.y));
+    let farthest = max(h, select(0.0, FIELD * own.w, params.most_neighbours > 0u));
+    let per_field = params.support / FIELD;
+    let reach = vec3u(u32(ceil(farthest * params.per_cell * ROUNDING)));
+    let at = cell_at(cell);
     let first = at - min(at, reach);
-    let last = min(at + reach, counts - 1u);
+    let last = min(at + reach, params.counts - 1u);
 
     var all = Moments();
     for (var z = first.z; z <= last.z; z++) {
@@ -46,14 +49,16 @@ fn moments(own: vec4f, cell: u32, point: vec3f) -> Moments {
             var run = Moments();
             for (var slot = begin; slot < end; slot++) {
                 let other = sorted[slot];
-                // Halves cannot overflow; distant members are clamped to twice h.
-                let offset = clamp(0.5 * other.xyz - 0.5 * own.xyz, vec3f(-h), vec3f(h)) * (2.0 / h);
+                // Halves cannot overflow; distant members are clamped to twice the farthest that counts.
+                let half = clamp(0.5 * other.xyz - 0.5 * own.xyz, vec3f(-farthest), vec3f(farthest));
+                let offset = half * (2.0 / h);
                 let square = dot(offset, offset);
+                let volume = relative_volume(other.w, own.w);
+                run.field += volume * spline(per_field * sqrt(square));
                 if square > WITHIN {
                     continue;
                 }
-                let ratio = other.w / own.w;
-                let w = ratio * ratio * ratio * weight(square);
+                let w = volume * weight(square);
                 run.count += 1u;
                 run.weight += w;
                 let x = offset - point;
@@ -66,6 +71,7 @@ fn moments(own: vec4f, cell: u32, point: vec3f) -> Moments {
             all.first += run.first;
             all.diagonal += run.diagonal;
             all.off_diagonal += run.off_diagonal;
+            all.field += run.field;
         }
     }
     return all;

@@ -1,4 +1,4 @@
-// Sums over blocks of cells, and the test for crowds.
+// Sums over blocks of cells.
 
 #import classify/params.wgsl
 
@@ -16,9 +16,4 @@ struct Sum {
 // Number of blocks. The scan has one entry more than there are cells, for the end of the last cell.
 fn blocks() -> u32 {
     return params.cells / (THREADS * EACH) + 1u;
-}
-
-// Whether particles are so crowded that visiting all neighbours would take hours.
-fn crowded(all: Sum) -> bool {
-    return all.squares > params.most_squares;
 }

@@ -167,7 +167,7 @@ fn sides(
     let number = group_index(group);
     let packed = gap_tiles.tiles[min(number, max(gap_tiles.count, 1u) - 1u)];
     let tile = (packed >> 16u) * params.tiles.x + (packed & 0xffffu);
-    let drawn = number < gap_tiles.count && band_of(starts[tile]) == params.band;
+    let drawn = number < gap_tiles.count && is_in_band(starts[tile]);
     for (var gap = 0u; gap < select(0u, GAPS, drawn); gap++) {
         draw(tile, local.xy, thread, gap);
     }

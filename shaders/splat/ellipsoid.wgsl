@@ -7,19 +7,7 @@
 
 #import common/camera.wgsl
 #import common/layers.wgsl
-
-// The ellipsoid { centre + A s : |s| <= 1 } in world axes, A symmetric.
-struct Splat {
-    centre: vec3f,       // relative to camera.origin
-    radius: f32,
-    diagonal: vec3f,     // A_xx, A_yy, A_zz
-    particle: u32,
-    off_diagonal: vec3f, // A_xy, A_xz, A_yz
-    tags: u32,           // index of the fluid; further bits
-}
-
-// The bits of the tags that hold the fluid.
-const FLUID: u32 = 0xffffu;
+#import common/splat.wgsl
 
 // The map from view space to the space where the ellipsoid is the unit sphere: its columns and, in w, the centre in
 // view space.

@@ -38,6 +38,9 @@ struct Entries {
 }
 
 fn entries_of(tile: u32) -> Entries {
+    if params.rest != 0u {
+        return Entries(0u, params.splats, params.splats);
+    }
     let base = params.band * params.entries;
     let begin = starts[tile] - base;
     return Entries(begin, begin + cursors[tile].x, starts[tile + 1u] - base);
@@ -48,7 +51,7 @@ const NO_TILE: u32 = 0xffffffffu;
 
 fn busy_tile(group: vec3u) -> u32 {
     let number = group_index(group);
-    if number >= busy.count || band_of(starts[busy.tiles[number]]) != params.band {
+    if number >= busy.count || !is_in_band(starts[busy.tiles[number]]) {
         return NO_TILE;
     }
     return busy.tiles[number];

@@ -6,7 +6,7 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::classify::{Extent, Splat, Splats};
+use super::classify::{DeviceSplats, Extent, Splat, Splats};
 
 /// Splats of a block.
 pub const SIZE: usize = 64;
@@ -81,6 +81,9 @@ impl Blocks {
 
     /// The blocks of these splats.
     pub fn new(splats: &Splats) -> Self {
+        if let Some(device) = &splats.device {
+            return Self::of_device(device);
+        }
         let blocks = |splats: &[Splat]| splats.par_chunks(SIZE).map(Block::new).collect();
         let radius = splats.radius;
         let differs = |splat: &Splat| splat.radius != radius;
@@ -89,6 +92,21 @@ impl Blocks {
             splashes: blocks(&splats.splashes),
             radii_differ: splats.aggregates.par_iter().any(differs),
         }
+    }
+
+    /// One block of each class, for splats that the host does not have.
+    fn of_device(splats: &DeviceSplats) -> Self {
+        let (min, max) = splats.bounds_32();
+        let block = Block {
+            min,
+            max,
+            // Of a sphere, by Frobenius' norm.
+            longest: 3.0f32.sqrt() * splats.reach,
+            reach: splats.reach,
+            mean_reach: splats.usual_reach,
+        };
+        let splashes = if splats.has_splashes { vec![block] } else { Vec::new() };
+        Self { aggregates: vec![block], splashes, radii_differ: splats.radii_differ }
     }
 
     /// The splats of all blocks for which `counts` holds.

@@ -36,7 +36,7 @@ use moments::Moments;
 use surface::Search;
 use tree::Tree;
 
-pub use device::Classifier;
+pub use device::{Classifier, DeviceSplats};
 pub use tree::estimate_radius;
 pub use walls::add_wall_contacts;
 pub(crate) use walls::{Extent, Eye, seen_past_walls};
@@ -73,7 +73,11 @@ impl Splat {
     const WALL_FROM_BEHIND: u32 = 1 << 27;
     /// Bit of [`Splat::tags`] that marks a sphere around a grid cell deep inside a body, in place of the splats of
     /// its particles.
-    const INTERIOR: u32 = 1 << 28;
+    pub const INTERIOR: u32 = 1 << 28;
+    /// Bit of [`Splat::tags`] that marks a droplet, where the device has classified the particle.
+    pub const SPLASH: u32 = 1 << 29;
+    /// Bit of [`Splat::tags`] that marks a particle for which another splat stands, where the device has classified it.
+    pub const HIDDEN: u32 = 1 << 30;
 
     /// Whether [`add_wall_contacts`] placed the splat on a plane.
     #[doc(hidden)]
@@ -139,6 +143,26 @@ pub struct Splats {
     /// The box in world space, m, outside of which splats do not count for the lights' views: the
     /// [bulk](super::Bulk) of the particles, if that is known to leave some out; `None` goes by the splats themselves.
     pub bulk: Option<(DVec3, DVec3)>,
+    /// Splats that only the device has, of [`Classifier::record`]; the lists are then empty.
+    pub device: Option<DeviceSplats>,
+}
+
+impl Splats {
+    /// Whether there is nothing to draw, as far as the host knows.
+    pub fn is_empty(&self) -> bool {
+        self.aggregates.is_empty() && self.splashes.is_empty() && self.device.is_none()
+    }
+
+    /// Whether there may be droplets.
+    pub(crate) fn has_splashes(&self) -> bool {
+        !self.splashes.is_empty() || self.device.as_ref().is_some_and(|device| device.has_splashes)
+    }
+
+    /// All splats; for those of the device, spheres around the corners of their box.
+    pub(crate) fn outline(&self) -> impl Iterator<Item = Splat> {
+        let corners = self.device.iter().flat_map(DeviceSplats::corners);
+        self.aggregates.iter().chain(&self.splashes).copied().chain(corners)
+    }
 }
 
 /// Classifies a frame's particles into splashes and aggregates, and computes their shapes.
@@ -228,7 +252,9 @@ impl Cloud {
             .filter(|m| m.position().is_finite() && drawable(m.radius))
             .collect();
         let all = bounds(members.iter().map(|m| m.position().as_dvec3()));
-        let shift = all.map_or(DVec3::ZERO, particles::origin_for_box);
+        // In 32 bits, so that the device knows it too.
+        let shift =
+            all.map_or(DVec3::ZERO, |all| particles::origin_for_box(all).as_vec3().as_dvec3());
         Self {
             radius: common_radius(&members).unwrap_or_else(|| {
                 median(members.iter().map(|m| m.radius).collect(), default_radius)
@@ -358,6 +384,7 @@ impl Cloud {
             origin: self.origin + self.shift,
             is_hull: self.is_hull,
             bulk: None,
+            device: None,
         }
     }
 }

@@ -16,7 +16,7 @@ use super::splat_buffers::{self, SplatBuffers};
 use crate::camera::CameraUniform;
 use crate::gpu::{self, Bound, Gpu, Grain, Span, TILE};
 use crate::liquid::blocks::{self, Block};
-use crate::liquid::classify::Splat as SplatData;
+use crate::liquid::classify::{DeviceSplats, Splat as SplatData};
 
 /// Index of the bodies and sheets in pairs of classes.
 pub const AGGREGATES: usize = 0;
@@ -39,6 +39,10 @@ pub struct Params {
     pub band: u32,
     /// Scale of the ellipsoids that tiles list.
     pub swell: f32,
+    /// 1 for the tiles beyond all bands, whose list is that of all splats.
+    pub rest: u32,
+    /// Splats to draw: 0 for all, otherwise 1 more than the class of those that the device has classified.
+    pub kinds: u32,
     /// Padding.
     pub pad: u32,
 }
@@ -78,6 +82,42 @@ struct Buffers {
     busy: wgpu::Buffer,
     emptied: wgpu::Buffer,
     dispatches: wgpu::Buffer,
+    /// The list of all splats, where the memory for lists is an estimate.
+    everything: Option<wgpu::Buffer>,
+}
+
+/// Memory for lists.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    /// [`Params::entries`].
+    entries: u64,
+    bands: u64,
+    /// Entries of the buffer.
+    capacity: u64,
+}
+
+impl Room {
+    /// For no more than `most` entries.
+    fn for_most(gpu: &Gpu, splats: u32, most: u64) -> Self {
+        match gpu.most_binding() / 4 {
+            limit if most <= limit => {
+                Self { entries: u32::MAX.into(), bands: 1, capacity: most.max(1) }
+            }
+            // A band may begin in the middle of a list, which has each splat once at most.
+            limit => {
+                let entries = limit.saturating_sub(splats.max(1).into()).max(1);
+                Self { entries, bands: most / entries + 1, capacity: limit }
+            }
+        }
+    }
+
+    /// For about as many entries as there are; tiles beyond them look at all splats.
+    fn for_likely(gpu: &Gpu, splats: u32, likely: u64) -> Self {
+        let splats = u64::from(splats.max(1));
+        let limit = (gpu.most_binding() / 4).saturating_sub(splats);
+        let entries = likely.clamp(1, limit.max(1));
+        Self { entries, bands: 1, capacity: entries + splats }
+    }
 }
 
 /// The lists of a view's splats.
@@ -108,6 +148,8 @@ struct Chunk {
     project: Bound,
     scan: Bound,
     bands: Vec<Band>,
+    /// The tiles beyond them, where the memory for lists is an estimate.
+    rest: Option<Bound>,
     /// Depends on whether the chunk is the first and the last.
     scan_pipeline: wgpu::ComputePipeline,
     /// Workgroups among which large splats are divided.
@@ -148,6 +190,8 @@ pub struct Listed<'a> {
     pub blocks: &'a [Block],
     /// The same on the device.
     pub buffers: &'a SplatBuffers,
+    /// Where only the device has them, what is known of them.
+    pub device: Option<&'a DeviceSplats>,
 }
 
 impl BinBuffers {
@@ -177,7 +221,7 @@ impl Bins {
         let tiles = size.map(|n| n.div_ceil(TILE)).to_array();
         let BinBuffers { chunks: kept, filled, state } = kept;
         let classes: [Vec<Chunk>; 2] = std::array::from_fn(|class| {
-            let Listed { splats, blocks, buffers } = classes[class];
+            let Listed { splats, blocks, buffers, device } = classes[class];
             let mut old = std::mem::take(&mut kept[class]).into_iter();
             let (mut rest, count) = (splats, buffers.chunks().count());
             let chunks = buffers.chunks().enumerate().map(|(i, bound)| {
@@ -191,10 +235,27 @@ impl Bins {
                     Grain::Pixel if bound.count < MANY => LANES,
                     _ => 1,
                 };
-                let params =
-                    Params { splats: bound.count, lanes, tiles, swell, ..Zeroable::zeroed() };
-                let most = capacity::most_entries(splats, blocks, uniform, swell);
-                let buffers = Buffers::new(gpu, params, most, old.next().as_ref());
+                let kinds = device.map_or(0, |_| class as u32 + 1);
+                let params = Params {
+                    splats: bound.count,
+                    lanes,
+                    tiles,
+                    swell,
+                    kinds,
+                    ..Zeroable::zeroed()
+                };
+                let room = match device {
+                    None => {
+                        let most = capacity::most_entries(splats, blocks, uniform, swell);
+                        Room::for_most(gpu, bound.count, most)
+                    }
+                    Some(device) => {
+                        let likely = capacity::likely_entries(device, uniform, swell);
+                        Room::for_likely(gpu, bound.count, likely)
+                    }
+                };
+                let mut buffers = Buffers::new(gpu, params, room, old.next().as_ref());
+                buffers.0.list_everything(gpu, device.map(|device| device.count));
                 Chunk::new(gpu, bound, buffers, &filled[class], [i == 0, i + 1 == count])
             });
             chunks.collect()
@@ -324,6 +385,12 @@ impl Bins {
                 pass.set_pipeline(pipeline);
                 draw(&mut pass, &chunk.buffers.dispatches);
             }
+            if let Some(rest) = &chunk.rest {
+                pass.set_bind_group(1, &chunk.splats, &[]);
+                pass.set_bind_group(2, &rest.group, &[]);
+                pass.set_pipeline(pipeline);
+                draw(&mut pass, &chunk.buffers.dispatches);
+            }
         }
     }
 }
@@ -354,22 +421,14 @@ impl Pipelines {
 }
 
 impl Buffers {
-    /// For lists of `most` entries at most, with the parameters and the number of bands that fit them: those of another
-    /// frame where they are large enough.
-    fn new(gpu: &Gpu, params: Params, most: u64, old: Option<&Self>) -> (Self, Params, u32) {
-        let limits = gpu.device.limits();
-        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    /// For lists in this room, with the parameters and the number of bands: those of another frame where they are large
+    /// enough.
+    fn new(gpu: &Gpu, params: Params, room: Room, old: Option<&Self>) -> (Self, Params, u32) {
+        let bytes = gpu.most_binding();
         let splats = u64::from(params.splats.max(1));
         let [x, y] = params.tiles;
         let tiles = u64::from(x * y);
-        // A band may begin in the middle of a list, which has each splat once at most.
-        let (entries, bands, capacity) = match bytes / 4 {
-            limit if most <= limit => (u64::from(u32::MAX), 1, most.max(1)),
-            limit => {
-                let entries = limit.saturating_sub(splats).max(1);
-                (entries, most / entries + 1, limit)
-            }
-        };
+        let Room { entries, bands, capacity } = room;
         let buffer = |label: &str, old: Option<&wgpu::Buffer>, size: u64| match old {
             Some(old) if old.size() >= size => old.clone(),
             _ => {
@@ -398,9 +457,24 @@ impl Buffers {
             busy: buffer("busy tiles", old.map(|old| &old.busy), 4 * (tiles + 1)),
             emptied: buffer("emptied tiles", old.map(|old| &old.emptied), 4 * (tiles + 1)),
             dispatches: buffer("dispatches", old.map(|old| &old.dispatches), 32),
+            everything: old.and_then(|old| old.everything.clone()),
         };
         let params = Params { entries: entries.min(u32::MAX.into()) as u32, ..params };
         (buffers, params, bands as u32)
+    }
+
+    /// Keeps the list of this many splats, or none.
+    fn list_everything(&mut self, gpu: &Gpu, splats: Option<u32>) {
+        let Some(count) = splats else {
+            self.everything = None;
+            return;
+        };
+        let bytes = 4 * u64::from(count.max(1));
+        if self.everything.as_ref().is_none_or(|list| list.size() < bytes) {
+            let numbers: Vec<u32> = (0..count.max(1)).collect();
+            let storage = wgpu::BufferUsages::STORAGE;
+            self.everything = Some(gpu::buffer_with(gpu, "all splats", storage, &numbers));
+        }
     }
 }
 
@@ -423,10 +497,11 @@ impl Chunk {
         let starts = gpu::first_bytes(&buffers.starts, 4 * (tiles + 1));
         let cursors = gpu::first_bytes(&buffers.cursors, 8 * tiles);
         let blocks = gpu::first_bytes(&buffers.blocks, 4 * tiles.div_ceil(BLOCK.into()));
-        let uniform =
-            |band: u32| gpu::buffer_with(gpu, "bins", gpu::UNIFORM, &[Params { band, ..params }]);
+        let uniform = |band: u32, rest: u32| {
+            gpu::buffer_with(gpu, "bins", gpu::UNIFORM, &[Params { band, rest, ..params }])
+        };
         let of_params = gpu.branching::<Params>();
-        let first = uniform(0);
+        let first = uniform(0, 0);
         let project = [
             (of_params, whole(&first)),
             (written(PLACED), whole(placed)),
@@ -446,8 +521,20 @@ impl Chunk {
         ];
         let project = gpu::bind(gpu, "projected splats", &project);
         let scan = gpu::bind(gpu, "scanned bins", &scan);
+        let lists = |uniform: &wgpu::Buffer, list: &wgpu::Buffer| {
+            let lists = [
+                (of_params, whole(uniform)),
+                (read(PLACED), whole(placed)),
+                (read(pair), starts.clone()),
+                (read(pair), cursors.clone()),
+                (read(word), whole(list)),
+                (read(pair), whole(busy)),
+            ];
+            gpu::bind(gpu, "bins", &lists)
+        };
+        let rest = buffers.everything.as_ref().map(|all| lists(&uniform(bands, 1), all));
         let bands = (0..bands).map(|band| {
-            let uniform = uniform(band);
+            let uniform = uniform(band, 0);
             let fill = [
                 (of_params, whole(&uniform)),
                 (read(rect), whole(rects)),
@@ -456,18 +543,7 @@ impl Chunk {
                 (written(word), whole(list)),
                 (read(pair), whole(large)),
             ];
-            let lists = [
-                (of_params, whole(&uniform)),
-                (read(PLACED), whole(placed)),
-                (read(pair), starts.clone()),
-                (read(pair), cursors.clone()),
-                (read(word), whole(list)),
-                (read(pair), whole(busy)),
-            ];
-            Band {
-                fill: gpu::bind(gpu, "filled bins", &fill),
-                read: gpu::bind(gpu, "bins", &lists),
-            }
+            Band { fill: gpu::bind(gpu, "filled bins", &fill), read: lists(&uniform, list) }
         });
         let bands = bands.collect();
         let [first, last] = ends.map(|end| f64::from(u8::from(end)));
@@ -480,7 +556,7 @@ impl Chunk {
         };
         let large_groups = params.splats.clamp(1, most_groups);
         let splats = bound.group.clone();
-        Self { params, buffers, splats, project, scan, bands, scan_pipeline, large_groups }
+        Self { params, buffers, splats, project, scan, bands, rest, scan_pipeline, large_groups }
     }
 
     /// Workgroups that project and list its splats.

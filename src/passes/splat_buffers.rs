@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 
 use crate::gpu::{self, Gpu};
 use crate::liquid::blocks;
-use crate::liquid::classify::Splat as SplatData;
+use crate::liquid::classify::{DeviceSplats, Splat as SplatData};
 
 /// Splats of one binding.
 #[derive(Debug)]
@@ -13,6 +13,8 @@ pub(super) struct Chunk {
     /// Group 1 of what reads splats: `count` of them.
     pub(super) group: wgpu::BindGroup,
     pub(super) count: u32,
+    /// Whether the buffer is another one's, which is not written.
+    is_borrowed: bool,
 }
 
 /// One class of a frame's splats on the device; all views can share it.
@@ -36,11 +38,18 @@ impl SplatBuffers {
         self.chunks.iter()
     }
 
+    /// Binds splats that are on the device.
+    pub fn bind(&mut self, gpu: &Gpu, splats: &DeviceSplats) {
+        let (buffer, count) = (splats.buffer.clone(), splats.count);
+        let bytes = size_of::<SplatData>() as u64 * u64::from(count.max(1));
+        let resources = [gpu::first_bytes(&buffer, bytes)];
+        let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
+        self.chunks = vec![Chunk { buffer, group, count, is_borrowed: true }];
+    }
+
     /// Uploads the frame's splats.
     pub fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
-        let limits = gpu.device.limits();
-        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let most = (bytes as usize / size_of::<SplatData>()).max(1);
+        let most = (gpu.most_binding() as usize / size_of::<SplatData>()).max(1);
         // Whole blocks, where one fits.
         let most = if most < blocks::SIZE { most } else { most / blocks::SIZE * blocks::SIZE };
         self.chunks.truncate(splats.len().div_ceil(most).max(1));
@@ -52,7 +61,10 @@ impl SplatBuffers {
         };
         for (i, (splats, count)) in parts.into_iter().enumerate() {
             let bytes = size_of_val(splats) as u64;
-            let old = self.chunks.get(i).filter(|chunk| chunk.buffer.size() >= bytes);
+            let old = self
+                .chunks
+                .get(i)
+                .filter(|chunk| !chunk.is_borrowed && chunk.buffer.size() >= bytes);
             let buffer = match old {
                 Some(chunk) => {
                     write(gpu, &chunk.buffer, splats);
@@ -74,7 +86,7 @@ impl SplatBuffers {
             };
             let resources = [gpu::first_bytes(&buffer, bytes)];
             let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
-            let chunk = Chunk { buffer, group, count };
+            let chunk = Chunk { buffer, group, count, is_borrowed: false };
             match self.chunks.get_mut(i) {
                 Some(old) => *old = chunk,
                 None => self.chunks.push(chunk),

@@ -43,8 +43,16 @@ impl SplatSet {
 
     /// Uploads a frame's splats.
     pub fn upload(&mut self, gpu: &Gpu, splats: &Splats) {
-        self.aggregates.upload(gpu, &splats.aggregates);
-        self.splashes.upload(gpu, &splats.splashes);
+        match &splats.device {
+            Some(device) => {
+                self.aggregates.bind(gpu, device);
+                self.splashes.bind(gpu, device);
+            }
+            None => {
+                self.aggregates.upload(gpu, &splats.aggregates);
+                self.splashes.upload(gpu, &splats.splashes);
+            }
+        }
         self.blocks = Blocks::new(splats);
     }
 }
@@ -274,16 +282,19 @@ impl ViewPasses {
             Some((splats, set)) => (&*splats, &*set),
             None => (frame.splats, frame.splat_set),
         };
+        let device = splats.device.as_ref();
         let listed = [
             Listed {
                 splats: &splats.aggregates,
                 blocks: &set.blocks.aggregates,
                 buffers: &set.aggregates,
+                device,
             },
             Listed {
                 splats: &splats.splashes,
                 blocks: &set.blocks.splashes,
                 buffers: &set.splashes,
+                device: device.filter(|device| device.has_splashes),
             },
         ];
         let swell = if gaps > 0 { gaps::CLOSING } else { 1.0 };
@@ -329,6 +340,11 @@ impl ViewPasses {
         camera: &CameraUniform,
         eye: DVec3,
     ) {
+        // Splats on the device stay as they are.
+        if frame.splats.device.is_some() {
+            self.own_splats = None;
+            return;
+        }
         // The third row of the rotation into view space points towards an orthographic view's eye.
         let [x, y, z] = camera.view_from_world.map(|column| f64::from(column[2]));
         let from = if camera.far > 0.0 { Eye::Towards(DVec3::new(x, y, z)) } else { Eye::At(eye) };

@@ -531,6 +531,7 @@ fn scale_does_not_change_the_picture() {
             radius: drawn.radius * scale,
             origin: drawn.origin * f64::from(scale),
             is_hull: false,
+            device: None,
             bulk: None,
         };
         let mut scene = scene.clone();

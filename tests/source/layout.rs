@@ -124,7 +124,7 @@ fn shared_structs_agree() {
         shift
     });
     let bins_params =
-        rust_struct!(bins::Params { splats, lanes, tiles, entries, band, swell, pad });
+        rust_struct!(bins::Params { splats, lanes, tiles, entries, band, swell, rest, kinds, pad });
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
     let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu, least });
@@ -219,6 +219,8 @@ fn shared_structs_agree() {
         members,
         counts,
         cells,
+        shift,
+        squares,
         support,
         least_weight,
         density_at_rest,
@@ -228,10 +230,18 @@ fn shared_structs_agree() {
         long_axis,
         splash_radius,
         most_squares,
+        smoothing,
+        most_neighbours,
+        largest_radius,
+        full,
+        full_cell,
+        most_lines,
+        tagged,
+        wetting,
+        most_copies,
         pad,
     });
-    let shaped =
-        rust_struct!(device::Shaped { mean, density, diagonal, flags, off_diagonal, count });
+    let wall = rust_struct!(device::Wall { middle, kind, extent, size, tags, behind, pad });
     let sum = rust_struct!(device::Sum { count, squares });
     let table = [
         (camera, "splat/layers.wgsl", "Camera"),
@@ -251,8 +261,8 @@ fn shared_structs_agree() {
         (gaps, "gaps/split.wgsl", "Params"),
         (structure, "refract/structure.wgsl", "Params"),
         (classify_params, "classify/shape.wgsl", "Params"),
-        (shaped, "classify/shape.wgsl", "Shaped"),
         (sum, "classify/scan.wgsl", "Sum"),
+        (wall, "classify/walls.wgsl", "Wall"),
     ];
     for (rust, root, name) in table {
         same(rust, &source(root), name).unwrap_or_else(|problem| panic!("{root}: {problem}"));
@@ -301,8 +311,11 @@ fn shared_constants_agree() {
         ("tiles.wgsl", "ROW", gpu::ROW),
         ("classify/scan.wgsl", "THREADS", device::SORTING),
         ("classify/scan.wgsl", "EACH", device::BLOCK / device::SORTING),
-        ("classify/shape.wgsl", "SPLASH", device::Shaped::SPLASH),
-        ("classify/shape.wgsl", "SURROUNDED", device::Shaped::SURROUNDED),
+        ("classify/shape.wgsl", "BURIED", classify::Splat::BURIED),
+        ("classify/shape.wgsl", "INTERIOR", classify::Splat::INTERIOR),
+        ("classify/shape.wgsl", "SPLASH", classify::Splat::SPLASH),
+        ("classify/shape.wgsl", "HIDDEN", classify::Splat::HIDDEN),
+        ("classify/shape.wgsl", "GIVEN", device::GIVEN),
     ];
     for (root, name, value) in table {
         assert_eq!(wgsl_constant(root, name), value, "{name}");

@@ -1,15 +1,20 @@
 //! Classification on the device: `shaders/classify/`.
 //!
-//! A counting sort builds the same uniform grid as on the CPU. Then one thread per member sums over its
-//! neighbours, finds the eigenvectors of their covariance by Jacobi rotations, and writes the member's
-//! shape, which is read back. Within a cell members keep file order, so that the result does not depend
-//! on scheduling.
+//! A counting sort builds the same uniform grid as on the CPU (`device/kernels.rs` has the order of the steps). Then one thread
+//! per member sums over its neighbours, finds the eigenvectors of their covariance by Jacobi rotations, and writes the
+//! member's splat. Splats at the surface are moved to the iso-surface, and cells deep inside of large bodies become one
+//! splat each. Within a cell members keep file order, so that the result does not depend on scheduling.
 //!
 //! Sums have 32 bits, relative to the member and in units of h. Compared with the tree's 64-bit sums,
 //! centres and axes are within 10⁻⁴ r, and the class differs only where the density is within 10⁻⁵ of
-//! the threshold. The host moves the splats of the surface; their centres are then within 10⁻³ r, except for the few
-//! where an iso-surface is only just found or not.
+//! the threshold. Centres of splats that are moved are within 10⁻³ r, except for the few where an iso-surface is only
+//! just found or not.
 
+mod buffers;
+mod kernels;
+mod splats;
+
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
@@ -17,22 +22,29 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::grid::{self, Layout};
-use super::surface::{self, Search};
-use super::{Cloud, Splats, moments};
+use super::{Cloud, Splat, Splats, interior, moments, surface};
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
+use crate::liquid::device_particles::DeviceParticles;
 #[cfg(not(target_arch = "wasm32"))]
 use crate::liquid::particles::Particles;
+use crate::scene::{Scene, Shape, Solid};
 use crate::settings::{Classify, Kernel};
+use buffers::{Buffers, Capacity};
+pub use splats::DeviceSplats;
 
 /// Workgroup size of the sorting kernels, as in the shaders.
 pub const SORTING: u32 = 256;
-/// Workgroup size of `classify/shape.wgsl`.
-const SHAPING: u32 = 64;
 /// Cells per block of the prefix sum, as in `classify/sums.wgsl`.
 pub const BLOCK: u32 = 2048;
+/// Bit of the tags of a member whose shape the host knows, as in `classify/splat.wgsl`.
+pub const GIVEN: u32 = 1 << 31;
 
-/// Largest size of a frame's results, bytes, at which its buffers are kept for the next frame.
+/// How far a splat may move to the iso-surface, and how much longer its axes may become, in r.
+const FARTHEST: f32 = 4.0;
+const LONGER: f32 = 4.0;
+
+/// Largest size of a frame's splats, bytes, at which its buffers are kept for the next frame.
 const KEPT: u64 = 256 << 20;
 
 /// `Params` of `shaders/classify/params.wgsl`.
@@ -51,6 +63,10 @@ pub struct Params {
     pub counts: [u32; 3],
     /// Number of cells.
     pub cells: u32,
+    /// Origin of the splats relative to that of the members, m.
+    pub shift: [f32; 3],
+    /// Sum of the squared cell counts, which the device fills in.
+    pub squares: f32,
     /// Neighbourhood radius h, in r.
     pub support: f32,
     /// Summed weight below which a member is a splash.
@@ -69,40 +85,33 @@ pub struct Params {
     pub splash_radius: f32,
     /// Sum of the squared cell counts above which the members are a crowd.
     pub most_squares: f32,
+    /// How far centres move towards the mean of the neighbours.
+    pub smoothing: f32,
+    /// Neighbours, at most, of a member whose splat may be moved to the iso-surface; 0 if none is.
+    pub most_neighbours: u32,
+    /// Largest radius of a member, m.
+    pub largest_radius: f32,
+    /// Members in 2×2×2 cells inside a body, at least; 0 if no cell is merged.
+    pub full: f32,
+    /// Members in each of them, at least.
+    pub full_cell: f32,
+    /// Lines on which the iso-surface is looked for, at most.
+    pub most_lines: u32,
+    /// 1 if each member has its tags, 0 for one for all.
+    pub tagged: u32,
+    /// Distance from a solid within which bodies wet it, in r.
+    pub wetting: f32,
+    /// Copies of splats on solids, at most.
+    pub most_copies: u32,
     /// Padding to a multiple of 16 bytes.
-    pub pad: [u32; 3],
-}
-
-/// `Shaped` of `shaders/classify/shape.wgsl`: the device's result for one member.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct Shaped {
-    /// Mean of the neighbours from the member, m.
-    pub mean: [f32; 3],
-    /// Density relative to that inside a body at rest.
-    pub density: f32,
-    /// `A_xx, A_yy, A_zz`, m.
-    pub diagonal: [f32; 3],
-    /// [`Shaped::SPLASH`], [`Shaped::SURROUNDED`].
-    pub flags: u32,
-    /// `A_xy, A_xz, A_yz`, m.
-    pub off_diagonal: [f32; 3],
-    /// Members within h, including itself.
-    pub count: u32,
-}
-
-impl Shaped {
-    /// Flag: the member is a splash.
-    pub const SPLASH: u32 = 1;
-    /// Flag: the member is surrounded by liquid.
-    pub const SURROUNDED: u32 = 2;
+    pub pad: [u32; 2],
 }
 
 /// `Sum` of `shaders/classify/sums.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Sum {
-    /// Members in a block of cells; after the scan, members in all preceding blocks.
+    /// Items in a block of cells; after the scan, items in all preceding blocks.
     pub count: u32,
     /// Sum of the squared cell counts.
     pub squares: f32,
@@ -112,17 +121,14 @@ pub struct Sum {
 #[derive(Debug)]
 pub struct Classifier {
     gpu: Gpu,
-    count: wgpu::ComputePipeline,
-    scan: [wgpu::ComputePipeline; 3],
-    order: [wgpu::ComputePipeline; 2],
-    shape: wgpu::ComputePipeline,
-    params: wgpu::Buffer,
     /// Buffers of the largest frame so far.
     buffers: Mutex<Option<Buffers>>,
+    /// Number of frames that stayed on the device.
+    generation: AtomicU64,
 }
 
 impl Classifier {
-    /// Compiles the pipelines.
+    /// A classifier on this device.
     ///
     /// # Errors
     /// [`Error::Limit`] if the device has less than WebGPU's default limits for compute shaders.
@@ -141,32 +147,7 @@ impl Classifier {
                 of: Limited::Classify,
             });
         }
-        let read = |bytes| gpu::storage_of(bytes);
-        let write = |bytes| gpu::storage_read_write(bytes);
-        let layout = |bindings: &[wgpu::BindingType]| {
-            let params = [gpu::storage::<Params>()];
-            let bindings = [&params, bindings].concat();
-            gpu.layout("classify", wgpu::ShaderStages::COMPUTE, &bindings)
-        };
-        let pipeline = |file: &str, entry: &str, layout: &wgpu::BindGroupLayout| {
-            gpu::compute_pipeline(gpu, file, entry, &[layout], &[])
-        };
-        let counting = layout(&[read(16), write(8), write(4)]);
-        let scanning = layout(&[read(4), write(8), write(4)]);
-        let ordering =
-            layout(&[read(16), read(8), read(4), read(8), write(4), write(8), write(16)]);
-        let shaping = layout(&[read(4), read(16), read(8), read(8), write(48)]);
-        Ok(Self {
-            count: pipeline("classify/count.wgsl", "count", &counting),
-            scan: ["add_blocks", "add_sums", "begin_cells"]
-                .map(|entry| pipeline("classify/scan.wgsl", entry, &scanning)),
-            order: ["scatter", "arrange"]
-                .map(|entry| pipeline("classify/order.wgsl", entry, &ordering)),
-            shape: pipeline("classify/shape.wgsl", "shape", &shaping),
-            params: gpu::uniform_buffer::<Params>(gpu, "classify"),
-            buffers: Mutex::default(),
-            gpu: gpu.clone(),
-        })
+        Ok(Self { gpu: gpu.clone(), buffers: Mutex::default(), generation: AtomicU64::new(0) })
     }
 
     /// As [`super::classify`], on the device.
@@ -195,260 +176,301 @@ impl Classifier {
         pollster::block_on(self.finish(cloud, settings))
     }
 
+    /// As [`Classifier::classify_cloud`], for clouds that the device can classify; `None` for others.
+    ///
+    /// # Errors
+    /// As [`Gpu::check`].
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn classify_on_device(&self, cloud: &Cloud, settings: &Classify) -> Result<Option<Splats>> {
+        pollster::block_on(self.finish_on_device(cloud, settings))
+    }
+
+    /// Records the classification of particles that are on the device into the caller's encoder; the splats stay there,
+    /// and [`FrameInput`](crate::frame::FrameInput) takes them as others. Submits, waits for and maps nothing.
+    ///
+    /// The splats last until the classifier records its next frame: draw one before that. All particles are of the scene's
+    /// first fluid. Crowds, for which there is no time to look at all neighbours, are spheres. Bodies wet the scene's solids,
+    /// as by [`super::add_wall_contacts`], but not its meshes. What the host does for other splats it does not do for these:
+    /// keep them from showing through thin solids, and frame a level surface or a light in the liquid in maps of lights,
+    /// which have the bounds in view.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the buffers do not hold the particles; [`Error::Limit`] if a binding of the device does not
+    /// hold their splats, 48 bytes each.
+    pub fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        particles: &DeviceParticles<'_>,
+        scene: &Scene,
+    ) -> Result<Splats> {
+        particles.check()?;
+        let settings = &scene.settings.classify;
+        let walls = walls(scene, particles.origin);
+        let &DeviceParticles { count, radius, radii, origin, bounds, .. } = particles;
+        let (min, max) = (bounds.0 - origin, bounds.1 - origin);
+        let members = count as usize;
+        let in_32_bits = (min.as_vec3(), max.as_vec3());
+        let (layout, is_usual) = Layout::within(in_32_bits, members, radius, settings.support);
+        let copies = if walls.is_empty() { 0 } else { members };
+        let wanted = Capacity::for_frame(&self.gpu, [members, copies], &layout, settings);
+        let Some(wanted) = wanted else {
+            let most = self.gpu.most_binding();
+            return Err(Error::Limit {
+                adapter: self.gpu.adapter(),
+                problem: format!(
+                    "{count} particles in {} cells exceed a binding of {most} bytes",
+                    layout.cells()
+                ),
+                of: Limited::Classify,
+            });
+        };
+        let mut params = Params::new(&layout, members, settings, wanted.lines);
+        params.largest_radius = match radii {
+            Some(_) => grid::MAX_RADIUS_RATIO * radius,
+            None => radius,
+        };
+        params.most_copies = copies as u32;
+        if is_usual && radii.is_none() && interior::merges(members, settings) {
+            params.merge_cells(settings);
+        }
+
+        let mut kept = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        let buffers = match kept.take() {
+            Some(old) if old.capacity.holds(wanted) => old,
+            old => {
+                let most = old.map_or(wanted, |old| old.capacity.max(wanted));
+                Buffers::allocate(&self.gpu, most)
+            }
+        };
+        kernels::gather(&self.gpu, encoder, &buffers, &params, particles);
+        kernels::record(&self.gpu, encoder, &buffers, &params, &walls);
+        let splats = buffers.splats.clone();
+        *kept = Some(buffers);
+        drop(kept);
+
+        let largest = params.largest_radius;
+        let width = 1.0 / layout.per_cell;
+        // Of a body's and a sheet's splats, and of a sphere around a cell.
+        let axes = settings.long_axis.max(settings.short_axis).max(settings.splash_radius);
+        let reach = (largest * (axes + LONGER)).max(width * 0.5 * 3.0f32.sqrt());
+        let moved = settings.smoothing * settings.support + FARTHEST + settings.wetting;
+        let moved = f64::from(largest * moved);
+        Ok(Splats {
+            radius,
+            origin,
+            device: Some(DeviceSplats {
+                buffer: splats,
+                count: count + params.most_copies,
+                bounds: (min - DVec3::splat(moved), max + DVec3::splat(moved)),
+                reach,
+                usual_reach: radius * axes,
+                has_splashes: settings.splash_density > 0.0,
+                radii_differ: radii.is_some(),
+                generation: self.generation.fetch_add(1, Ordering::Relaxed),
+            }),
+            ..Splats::default()
+        })
+    }
+
     /// As `Classifier::classify_cloud`, for code that browsers and other programs share: waiting yields in a browser
     /// and blocks elsewhere.
     ///
     /// # Errors
     /// As [`Gpu::check`].
     pub async fn finish(&self, cloud: &Cloud, settings: &Classify) -> Result<Splats> {
-        match self.finish_shapes(cloud, settings).await? {
-            Some(shaped) => Ok(cloud.splats_of(&shaped, settings)),
-            None => Ok(cloud.classify(settings)),
-        }
+        let on_device = self.finish_on_device(cloud, settings).await?;
+        Ok(on_device.unwrap_or_else(|| cloud.classify(settings)))
     }
 
-    /// Returns the result for each member, in order; `None` if the device cannot classify the cloud.
-    ///
-    /// # Errors
-    /// As [`Gpu::check`].
-    #[cfg(not(target_arch = "wasm32"))]
-    pub fn shaped(&self, cloud: &Cloud, settings: &Classify) -> Result<Option<Vec<Shaped>>> {
-        pollster::block_on(self.finish_shapes(cloud, settings))
-    }
-
-    /// As `Classifier::shaped`; waits as [`Classifier::finish`].
+    /// As `Classifier::classify_on_device`; waits as [`Classifier::finish`].
     #[expect(
         clippy::await_holding_lock,
         reason = "outside of browsers nothing is awaited, and in one a single task classifies at a time"
     )]
-    async fn finish_shapes(
-        &self,
-        cloud: &Cloud,
-        settings: &Classify,
-    ) -> Result<Option<Vec<Shaped>>> {
+    async fn finish_on_device(&self, cloud: &Cloud, settings: &Classify) -> Result<Option<Splats>> {
         let Some(layout) = Layout::of(&cloud.members, cloud.radius, settings.support) else {
             return Ok(None);
         };
-        let (members, cells) = (cloud.members.len() as u64, layout.cells() as u64);
-        let limits = self.gpu.device.limits();
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        if size_of::<Shaped>() as u64 * (members + 1) > most || 4 * (cells + 1) > most {
+        let members = [cloud.members.len(), 0];
+        let Some(wanted) = Capacity::for_frame(&self.gpu, members, &layout, settings) else {
             return Ok(None);
+        };
+        let (places, tags) = (cloud.places(), cloud.tags());
+        let mut params = Params::new(&layout, cloud.members.len(), settings, wanted.lines);
+        params.shift = cloud.shift.as_vec3().to_array();
+        params.tagged = u32::from(tags.len() > 1);
+        params.largest_radius = cloud.members.par_iter().map(|m| m.radius).reduce(|| 0.0, f32::max);
+        if cloud.has_interior(settings) {
+            params.merge_cells(settings);
         }
-        let params = params(&layout, cloud, settings);
-        let places: Vec<[f32; 4]> = cloud
-            .members
-            .par_iter()
-            .map(|m| [m.position[0], m.position[1], m.position[2], m.radius])
-            .collect();
 
         // No rayon call while this is locked: it might run another task that locks it too.
         let mut kept = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
-        let old = kept.take();
-        let (most_members, most_cells) = old.as_ref().map_or((0, 0), |b| (b.members, b.cells));
-        let old = old.filter(|b| b.members >= members && b.cells >= cells);
-        // Spare room, as the next frame may have slightly more.
-        let room = |count: u64, bytes: u64| (count + count / 8).min(most / bytes - 1);
-        let (each, cell) = (size_of::<Shaped>() as u64, size_of::<u32>() as u64);
-        let buffers = match old {
-            Some(old) => Some(old),
-            None => {
-                let members = room(members, each).max(most_members);
-                Buffers::new(&self.gpu, members, room(cells, cell).max(most_cells)).await
+        let buffers = match kept.take() {
+            Some(old) if old.capacity.holds(wanted) => Some(old),
+            old => {
+                let most = old.map_or(wanted, |old| old.capacity.max(wanted));
+                Buffers::new(&self.gpu, most).await
             }
         };
-        let Some(buffers) = buffers else { return Ok(None) };
-        let submission = self.submit(&buffers, &params, &places);
-        let bytes = Buffers::read_bytes(members);
-        let (shaped, all) = gpu::read_mapped(&self.gpu, &buffers.staging, bytes, submission, |b| {
-            let (all, shaped) = b.split_at(size_of::<Sum>());
+        let Some(mut buffers) = buffers else { return Ok(None) };
+        buffers.upload(&self.gpu, &places, &tags);
+        let staging = buffers.staging(&self.gpu);
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        kernels::record(&self.gpu, &mut encoder, &buffers, &params, &[]);
+        let (sum, splat) = (size_of::<Sum>() as u64, size_of::<Splat>() as u64);
+        let total = sum * buffers::blocks(wanted.cells);
+        encoder.copy_buffer_to_buffer(&buffers.sums, total, &staging, 0, sum);
+        let splats = splat * wanted.members;
+        encoder.copy_buffer_to_buffer(&buffers.splats, 0, &staging, sum, splats);
+        let submission = self.gpu.queue.submit([encoder.finish()]);
+        let bytes = sum + splats;
+        let (found, all) = gpu::read_mapped(&self.gpu, &staging, bytes, submission, |b| {
+            let (all, splats) = b.split_at(size_of::<Sum>());
             let all: Sum = bytemuck::pod_read_unaligned(all);
-            (bytemuck::pod_collect_to_vec::<u8, Shaped>(shaped), all)
+            (bytemuck::pod_collect_to_vec::<u8, Splat>(splats), all)
         })
         .await?;
         // Large buffers are released, for drawing needs device memory too.
-        *kept = Some(buffers).filter(|buffers| buffers.members * each <= KEPT);
-        Ok((all.squares <= params.most_squares).then_some(shaped))
-    }
-
-    /// Records and submits all kernels and the copy of their results.
-    fn submit(
-        &self,
-        buffers: &Buffers,
-        params: &Params,
-        places: &[[f32; 4]],
-    ) -> wgpu::SubmissionIndex {
-        let (members, cells) = (u64::from(params.members), u64::from(params.cells));
-        let Buffers { places: at, cell_of, counts, sums, starts, came, order, sorted, .. } =
-            buffers;
-        let gpu = &self.gpu;
-        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
-        gpu.queue.write_buffer(at, 0, bytemuck::cast_slice(places));
-
-        let group = |pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer]| {
-            let all = std::iter::once(&self.params).chain(buffers.iter().copied());
-            let resources: Vec<_> = all.map(wgpu::Buffer::as_entire_binding).collect();
-            gpu::bind_group(gpu, "classify", &pipeline.get_bind_group_layout(0), &resources)
-        };
-        let counting = group(&self.count, &[at, cell_of, counts]);
-        let scanning = group(&self.scan[0], &[counts, sums, starts]);
-        let ordering = group(&self.order[0], &[at, cell_of, starts, sums, came, order, sorted]);
-        let shaping = group(&self.shape, &[starts, sorted, order, sums, &buffers.shaped]);
-
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encoder.clear_buffer(counts, 0, None);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("classify"),
-            timestamp_writes: None,
-        });
-        let mut run = |pipeline, group: &wgpu::BindGroup, groups: u32| {
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, group, &[]);
-            gpu::dispatch(&mut pass, groups);
-        };
-        let sorters = params.members.div_ceil(SORTING);
-        let blocks = blocks(cells);
-        run(&self.count, &counting, sorters);
-        run(&self.scan[0], &scanning, blocks as u32);
-        run(&self.scan[1], &scanning, 1);
-        run(&self.scan[2], &scanning, blocks as u32);
-        run(&self.order[0], &ordering, sorters);
-        run(&self.order[1], &ordering, sorters);
-        run(&self.shape, &shaping, params.members.div_ceil(SHAPING));
-        drop(pass);
-        let sum = size_of::<Sum>() as u64;
-        encoder.copy_buffer_to_buffer(sums, sum * blocks, &buffers.staging, 0, sum);
-        let shaped = size_of::<Shaped>() as u64 * members;
-        encoder.copy_buffer_to_buffer(&buffers.shaped, 0, &buffers.staging, sum, shaped);
-        gpu.queue.submit([encoder.finish()])
+        let each = size_of::<Splat>() as u64;
+        *kept = Some(buffers).filter(|buffers| buffers.capacity.members * each <= KEPT);
+        drop(kept);
+        let is_crowd = all.squares > params.most_squares;
+        Ok((!is_crowd).then(|| cloud.splats_from_device(found)))
     }
 }
 
-/// Blocks of the prefix sum, which has one entry more than there are cells.
-fn blocks(cells: u64) -> u64 {
-    cells / u64::from(BLOCK) + 1
+/// `Wall` of `shaders/classify/walls.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Wall {
+    /// Relative to the splats' origin, m.
+    pub middle: [f32; 3],
+    /// Of a plane 0, of a box 1, of a sphere 2.
+    pub kind: u32,
+    /// Of a plane the normal, of a box half its sides, m.
+    pub extent: [f32; 3],
+    /// Of a plane half the side of its square, of a sphere the radius, m.
+    pub size: f32,
+    /// Tags of copies on a plane.
+    pub tags: u32,
+    /// Further tags of those behind it.
+    pub behind: u32,
+    /// Padding.
+    pub pad: [u32; 2],
 }
 
-fn params(layout: &Layout, cloud: &Cloud, settings: &Classify) -> Params {
-    let at_rest = moments::density_at_rest(settings.support.into());
-    let members = cloud.members.len();
-    let crowd = grid::most_shared(settings.support) * members as f64;
-    Params {
-        least: layout.min.to_array(),
-        per_cell: layout.per_cell,
-        greatest: layout.max.to_array(),
-        members: members as u32,
-        counts: layout.counts.to_array(),
-        cells: layout.cells() as u32,
-        support: settings.support,
-        least_weight: (f64::from(settings.splash_density) * at_rest) as f32,
-        density_at_rest: at_rest as f32,
-        max_ratio: settings.max_ratio.max(1.0),
-        volume_kernel: u32::from(settings.kernel == Kernel::Volume),
-        short_axis: settings.short_axis,
-        long_axis: settings.long_axis,
-        splash_radius: settings.splash_radius,
-        most_squares: crowd as f32,
-        pad: [0; 3],
+/// The solids of a scene that splats around `origin` can wet on the device: all but meshes.
+fn walls(scene: &Scene, origin: DVec3) -> Vec<Wall> {
+    let place = |x: DVec3| (x - origin).as_vec3().to_array();
+    let wall = |(number, solid): (u32, &Solid)| {
+        let none = Wall::zeroed();
+        match solid.shape {
+            Shape::Mesh { .. } => None,
+            Shape::Plane { origin, normal, half_extent } => Some(Wall {
+                middle: place(origin),
+                extent: normal.to_array(),
+                size: half_extent.min(f32::MAX),
+                tags: number << Splat::WALL,
+                behind: Splat::WALL_FROM_BEHIND,
+                ..none
+            }),
+            Shape::Box { min, max } => {
+                let half = (0.5 * (max - min)).as_vec3().to_array();
+                Some(Wall { middle: place(0.5 * (min + max)), kind: 1, extent: half, ..none })
+            }
+            Shape::Sphere { center, radius } => {
+                Some(Wall { middle: place(center), kind: 2, size: radius, ..none })
+            }
+        }
+    };
+    (1..).zip(&scene.solids).filter_map(wall).collect()
+}
+
+impl Params {
+    /// Of members without tags of their own, around the origin of the splats, that are as large as the cells are made for.
+    fn new(layout: &Layout, members: usize, settings: &Classify, most_lines: u64) -> Self {
+        let at_rest = moments::density_at_rest(settings.support.into());
+        let crowd = grid::most_shared(settings.support) * members as f64;
+        Self {
+            least: layout.min.to_array(),
+            per_cell: layout.per_cell,
+            greatest: layout.max.to_array(),
+            members: members as u32,
+            counts: layout.counts.to_array(),
+            cells: layout.cells() as u32,
+            support: settings.support,
+            least_weight: (f64::from(settings.splash_density) * at_rest) as f32,
+            density_at_rest: at_rest as f32,
+            max_ratio: settings.max_ratio.max(1.0),
+            volume_kernel: u32::from(settings.kernel == Kernel::Volume),
+            short_axis: settings.short_axis,
+            long_axis: settings.long_axis,
+            splash_radius: settings.splash_radius,
+            most_squares: crowd as f32,
+            smoothing: settings.smoothing,
+            most_neighbours: match surface::refines(settings) {
+                true => surface::most_neighbours(settings.support) as u32,
+                false => 0,
+            },
+            most_lines: most_lines as u32,
+            wetting: settings.wetting,
+            ..Zeroable::zeroed()
+        }
+    }
+
+    /// Gives the members of cells deep inside bodies one splat.
+    fn merge_cells(&mut self, settings: &Classify) {
+        [self.full, self.full_cell] = interior::full_cells(settings.support).map(|n| n as f32);
     }
 }
 
 impl Cloud {
-    /// Builds splats from the device's results; shapes from the file replace computed ones. The refinement of the
-    /// surface is the host's.
-    fn splats_of(&self, shaped: &[Shaped], settings: &Classify) -> Splats {
-        use rayon::iter::Either;
-        let grid = surface::refines(settings).then(|| self.grid(settings)).flatten();
-        let splat = |(member, shaped): (&super::Member, &Shaped)| {
-            if shaped.flags & Shaped::SPLASH != 0 {
-                return Either::Left(member.splash(settings, self.shift));
-            }
-            let surrounded = shaped.flags & Shaped::SURROUNDED != 0;
-            if let Some(ellipsoid) = self.given(member) {
-                let splat = member.given(ellipsoid, self.shift);
-                return Either::Right((splat.buried(surrounded), None));
-            }
-            let [mean, diagonal, off_diagonal] =
-                [shaped.mean, shaped.diagonal, shaped.off_diagonal]
-                    .map(|v| DVec3::from_array(v.map(f64::from)));
-            let centre = member.position().as_dvec3() + f64::from(settings.smoothing) * mean;
-            let splat =
-                member.splat(centre - self.shift, moments::symmetric(diagonal, off_diagonal));
-            let h = f64::from(settings.support) * f64::from(member.radius);
-            let mean = surface::movable(mean / h, shaped.count, surrounded, settings);
-            Either::Right((splat.buried(surrounded), mean))
-        };
-        let search = grid.map(Search::Grid);
-        let shaped: Vec<_> = self.members.par_iter().zip(shaped).map(splat).collect();
-        self.splats(shaped.into_iter(), search.as_ref())
-    }
-}
-
-/// Buffers for one frame: 100 bytes per member and 8 per cell on the device, and 48 per member in
-/// host-visible memory.
-#[derive(Debug)]
-struct Buffers {
-    /// Capacity in members.
-    members: u64,
-    /// Capacity in cells.
-    cells: u64,
-    /// Position and radius of each member.
-    places: wgpu::Buffer,
-    /// Cell of each member, and its arrival rank in the cell.
-    cell_of: wgpu::Buffer,
-    /// Members in each cell.
-    counts: wgpu::Buffer,
-    /// [`Sum`] of each block of cells, then the total.
-    sums: wgpu::Buffer,
-    /// First sorted index of each cell.
-    starts: wgpu::Buffer,
-    /// Members by cell, in arrival order.
-    came: wgpu::Buffer,
-    /// Members by cell, in file order, with their cells.
-    order: wgpu::Buffer,
-    /// Positions and radii by cell, in file order.
-    sorted: wgpu::Buffer,
-    /// Results, in file order.
-    shaped: wgpu::Buffer,
-    /// Readback of the total [`Sum`] and of `shaped`.
-    staging: wgpu::Buffer,
-}
-
-impl Buffers {
-    /// Allocates the buffers; `None` if the device is out of memory.
-    async fn new(gpu: &Gpu, members: u64, cells: u64) -> Option<Self> {
-        let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let of = |label: &str, size: u64, usage: wgpu::BufferUsages| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let storage = wgpu::BufferUsages::STORAGE;
-        let (to, from) = (wgpu::BufferUsages::COPY_DST, wgpu::BufferUsages::COPY_SRC);
-        let sums = size_of::<Sum>() as u64 * (blocks(cells) + 1);
-        let shaped = size_of::<Shaped>() as u64 * members;
-        let buffers = Self {
-            members,
-            cells,
-            places: of("places", 16 * members, storage | to),
-            cell_of: of("cells of members", 8 * members, storage),
-            counts: of("members of cells", 4 * (cells + 1), storage | to),
-            sums: of("sums of blocks", sums, storage | from),
-            starts: of("starts of cells", 4 * (cells + 1), storage),
-            came: of("members as they came", 4 * members, storage),
-            order: of("members by cell", 8 * members, storage),
-            sorted: of("places by cell", 16 * members, storage),
-            shaped: of("shaped members", shaped, storage | from),
-            staging: of("readback", Self::read_bytes(members), to | wgpu::BufferUsages::MAP_READ),
-        };
-        scope.pop().await.is_none().then_some(buffers)
+    /// Position and radius of each member, m.
+    fn places(&self) -> Vec<[f32; 4]> {
+        let place = |m: &super::Member| [m.position[0], m.position[1], m.position[2], m.radius];
+        self.members.par_iter().map(place).collect()
     }
 
-    /// Bytes read back for this many members.
-    fn read_bytes(members: u64) -> u64 {
-        size_of::<Sum>() as u64 + size_of::<Shaped>() as u64 * members
+    /// The tags of each member, or one for all.
+    fn tags(&self) -> Vec<u32> {
+        let first = self.members.first().map_or(0, |m| m.fluid);
+        if self.ellipsoids.is_none() && self.members.par_iter().all(|m| m.fluid == first) {
+            return vec![first];
+        }
+        let given = |m: &super::Member| if self.given(m).is_some() { GIVEN } else { 0 };
+        self.members.par_iter().map(|m| m.fluid | given(m)).collect()
+    }
+
+    /// Sorts the device's splats, one for each member, by class. Shapes from the file replace computed ones.
+    fn splats_from_device(&self, found: Vec<Splat>) -> Splats {
+        let (mut aggregates, mut splashes, mut spheres) = (Vec::new(), Vec::new(), Vec::new());
+        for (member, mut splat) in self.members.iter().zip(found) {
+            let tags = splat.tags;
+            splat.particle = member.particle;
+            splat.tags &= !Splat::SPLASH;
+            if tags & Splat::HIDDEN != 0 {
+                continue;
+            }
+            if tags & Splat::SPLASH != 0 {
+                splashes.push(splat);
+            } else if splat.is_interior() {
+                spheres.push(splat);
+            } else if let Some(ellipsoid) = self.given(member) {
+                aggregates.push(member.given(ellipsoid, self.shift).buried(splat.is_buried()));
+            } else {
+                aggregates.push(splat);
+            }
+        }
+        aggregates.append(&mut spheres);
+        Splats {
+            aggregates,
+            splashes,
+            radius: self.radius,
+            origin: self.origin + self.shift,
+            is_hull: self.is_hull,
+            bulk: None,
+            device: None,
+        }
     }
 }

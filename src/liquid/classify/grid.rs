@@ -15,12 +15,17 @@ use crate::liquid::counting_sort;
 
 /// Largest ratio of a radius to the median or vice versa. Beyond it, too many cells would be visited,
 /// or too many particles in each.
-const MAX_RADIUS_RATIO: f32 = 4.0;
+pub(super) const MAX_RADIUS_RATIO: f32 = 4.0;
 
 /// Cell width in h. With up to [`MAX_CELLS_ALONG`] cells along an axis, rounding then moves no neighbour
 /// beyond the adjacent cell.
 const MARGIN: f64 = 1.002;
 const MAX_CELLS_ALONG: f64 = 4096.0;
+
+/// Cells for so many particles, at most.
+fn most_cells(members: usize) -> f64 {
+    8.0 * members as f64 + 4096.0
+}
 
 /// Placement of the cells. Particles outside the grid belong to the border cells, so that strays do not
 /// enlarge it.
@@ -50,8 +55,8 @@ impl Layout {
         let width = f64::from(support) * f64::from(radius) * MARGIN;
         let all = bounds(members);
         let fits = |counts: &DVec3| {
-            let max_cells = 8.0 * members.len() as f64 + 4096.0;
-            counts.max_element() <= MAX_CELLS_ALONG && counts.element_product() <= max_cells
+            counts.max_element() <= MAX_CELLS_ALONG
+                && counts.element_product() <= most_cells(members.len())
         };
         let around = |(min, max): (Vec3, Vec3)| {
             let counts = ((max.as_dvec3() - min.as_dvec3()) / width).floor() + 1.0;
@@ -59,6 +64,29 @@ impl Layout {
             fits(&counts).then(|| Self { min, max, per_cell, counts: counts.as_uvec3() })
         };
         around(all).or_else(|| around(bounds_of_most(members, all)))
+    }
+
+    /// As [`Layout::of`], for `count` particles in a box that is known, in wider cells where there would be too many.
+    /// Also returns whether cells have their usual width.
+    pub(super) fn within(
+        (min, max): (Vec3, Vec3),
+        count: usize,
+        radius: f32,
+        support: f32,
+    ) -> (Self, bool) {
+        let usual = f64::from(support) * f64::from(radius) * MARGIN;
+        let sides = max.as_dvec3() - min.as_dvec3();
+        let counts = |width: f64| (sides / width).floor() + 1.0;
+        let fits = |counts: DVec3| {
+            counts.max_element() <= MAX_CELLS_ALONG && counts.element_product() <= most_cells(count)
+        };
+        let mut width = usual;
+        while !fits(counts(width)) {
+            width *= 1.5;
+        }
+        let layout =
+            Self { min, max, per_cell: (1.0 / width) as f32, counts: counts(width).as_uvec3() };
+        (layout, width == usual)
     }
 
     pub(super) fn cells(&self) -> usize {

@@ -30,9 +30,8 @@ impl Cloud {
     /// the file.
     pub(super) fn has_interior(&self, settings: &Classify) -> bool {
         let alike = |m: &Member| m.radius == self.radius && m.fluid == self.members[0].fluid;
-        self.members.len() >= LEAST
+        merges(self.members.len(), settings)
             && self.ellipsoids.is_none()
-            && f64::from(settings.splash_density) <= EACH
             && self.members.par_iter().all(alike)
     }
 
@@ -59,12 +58,22 @@ impl Cloud {
     }
 }
 
+/// Whether cells of so many particles that are alike may have one splat.
+pub(super) fn merges(count: usize, settings: &Classify) -> bool {
+    count >= LEAST && f64::from(settings.splash_density) <= EACH
+}
+
+/// Particles in 2×2×2 full cells, and in each of them, at least.
+pub(super) fn full_cells(support: f32) -> [f64; 2] {
+    let at_rest = (f64::from(support) / 2.0).powi(3);
+    [(8.0 * at_rest * FULL).max(8.0 * at_rest - MISSING), EACH * at_rest]
+}
+
 impl Grid<'_> {
     /// Which cells are interior.
     pub(super) fn interior(&self) -> Vec<bool> {
         let layout = self.layout();
-        let at_rest = (f64::from(self.support()) / 2.0).powi(3);
-        let least = (8.0 * at_rest * FULL).max(8.0 * at_rest - MISSING);
+        let [least, least_each] = full_cells(self.support());
         // A cell and the seven after it, along all axes.
         let eight = |cell: UVec3| {
             let of = move |i: u32| cell + UVec3::new(i & 1, i >> 1 & 1, i >> 2);
@@ -77,7 +86,7 @@ impl Grid<'_> {
                 return false;
             }
             let sum: f64 = eight(cell).map(count).sum();
-            sum >= least && eight(cell).all(|cell| count(cell) >= EACH * at_rest)
+            sum >= least && eight(cell).all(|cell| count(cell) >= least_each)
         };
         let full: Vec<bool> = (0..self.cells()).into_par_iter().map(is_full).collect();
         let is_interior = |index: usize| {

@@ -50,6 +50,11 @@ pub(super) fn refines(settings: &Classify) -> bool {
     settings.iso_surface && settings.kernel == Kernel::Fitted
 }
 
+/// Neighbours, at most, of a member whose splat may be moved.
+pub(super) fn most_neighbours(support: f32) -> f64 {
+    4.0 * grid::most_shared(support)
+}
+
 /// The mean of the neighbours, in h, of a member whose splat may be moved. Members with more neighbours than any
 /// liquid has stay where they are, for their time.
 pub(super) fn movable(
@@ -58,7 +63,7 @@ pub(super) fn movable(
     surrounded: bool,
     settings: &Classify,
 ) -> Option<Vec3> {
-    let crowd = f64::from(neighbours) > 4.0 * grid::most_shared(settings.support);
+    let crowd = f64::from(neighbours) > most_neighbours(settings.support);
     (refines(settings) && !surrounded && !crowd).then(|| mean.as_vec3())
 }
 
@@ -557,4 +562,45 @@ fn smoothing(point: &Point, search: &Search<'_>, points: &[Neighbor]) -> f32 {
         }
     });
     if weight > 0.0 { sum / weight } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The constants are the same in Rust and WGSL.
+    #[test]
+    fn constants_match_the_shaders() {
+        let same = |file: &str, constants: &[(&str, f32)]| {
+            for &(name, value) in constants {
+                let found = crate::gpu::shader::constant(file, name);
+                assert_eq!(found as f32, value, "{file}: {name}");
+            }
+        };
+        same(
+            "classify/points.wgsl",
+            &[
+                ("FIELD", SUPPORT),
+                ("LEVEL", LEVEL),
+                ("FARTHEST", FARTHEST),
+                ("HALF_SHEET", HALF_SHEET),
+                ("LEAST_OFFSET", OFFSETS[0]),
+                ("FULL_OFFSET", OFFSETS[1]),
+            ],
+        );
+        same("classify/shape.wgsl", &[("FLAT", FLAT[0]), ("NOT_FLAT", FLAT[1])]);
+        same(
+            "classify/normals.wgsl",
+            &[("NORMALS", NORMALS), ("OTHER_SIDE_FROM", ONE_SIDE[0]), ("ONE_SIDE", ONE_SIDE[1])],
+        );
+        same(
+            "classify/move.wgsl",
+            &[
+                ("SMOOTHING", SMOOTHING),
+                ("OTHER_FACE", ONE_FACE[0]),
+                ("ONE_FACE", ONE_FACE[1]),
+                ("THINNEST", THINNEST as f32),
+            ],
+        );
+    }
 }

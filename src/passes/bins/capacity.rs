@@ -1,12 +1,14 @@
 //! How many entries the lists of a view's splats have at most: the memory for them is made before they are counted.
 
-use glam::{Mat3, Vec2, Vec3};
+use std::f64::consts::PI;
+
+use glam::{DVec2, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::camera::CameraUniform;
 use crate::gpu::TILE;
 use crate::liquid::blocks::{self, Block};
-use crate::liquid::classify::Splat as SplatData;
+use crate::liquid::classify::{DeviceSplats, Splat as SplatData};
 
 /// Upper bound of the entries of the lists of splats `swell` times as large, which `blocks` hold, if there are any.
 pub(super) fn most_entries(
@@ -24,6 +26,38 @@ pub(super) fn most_entries(
         )
     };
     splats.par_chunks(blocks::SIZE).enumerate().map(of_chunk).sum()
+}
+
+/// About how many entries the lists of splats `swell` times as large have that only the device knows, rather more than
+/// fewer: as if they were packed twice as densely as liquid, around the eye or as near to it as their box.
+pub(super) fn likely_entries(splats: &DeviceSplats, camera: &CameraUniform, swell: f32) -> u64 {
+    /// Particles in the volume of one at rest.
+    const PACKING: f64 = 2.0;
+    const SHELLS: u32 = 64;
+    let tiles = (camera.size / TILE as f32).ceil().as_dvec2();
+    let count = f64::from(splats.count);
+    let reach = f64::from(swell * splats.usual_reach);
+    // Tiles across a splat at depth 1, or at any.
+    let tangent = camera.tangent.as_dvec2();
+    let across = camera.size.as_dvec2() / tangent * reach / f64::from(TILE);
+    let tiles_at = |depth: f64| (across / depth + 2.0).min(tiles).element_product();
+    if camera.far > 0.0 {
+        return (count * tiles_at(1.0)) as u64;
+    }
+    let half_angles = DVec2::new(tangent.x.atan(), tangent.y.atan());
+    let solid_angle = (4.0 * half_angles.element_product() * 1.5).min(4.0 * PI);
+    // The eye is the origin of the view.
+    let nearest = splats.distance(-camera.origin.as_dvec3()).max(f64::from(camera.near));
+    // The volume of a particle at rest, (2 r)³, from the usual reach of a splat, which is 1.1 to 1.5 times its particle's spacing.
+    let volume = (splats.usual_reach as f64).powi(3) / PACKING;
+    let farthest = (nearest.powi(3) + 3.0 * count * volume / solid_angle).cbrt();
+    let shell = |i: u32| {
+        let at = |i: u32| nearest + (farthest - nearest) * f64::from(i) / f64::from(SHELLS);
+        let (near, far) = (at(i), at(i + 1));
+        let particles = solid_angle / 3.0 * (far.powi(3) - near.powi(3)) / volume;
+        particles * tiles_at(near.max(f64::MIN_POSITIVE))
+    };
+    (0..SHELLS).map(shell).sum::<f64>() as u64
 }
 
 /// Bounds on the tiles that splats touch in a view: those that boxes around them touch.

@@ -329,7 +329,7 @@ fn particles_are_drawn_in_parts_that_fit() {
         let splats = Splats {
             aggregates: vec![one; count],
             splashes: vec![one; count / 2],
-            ..loaded.splats
+            ..loaded.splats.clone()
         };
         let input = FrameInput::new(&scene, &camera, &splats, UVec2::new(32, 24));
         offscreen.draw(input).expect("it is drawn");

@@ -27,11 +27,11 @@ const R: f32 = 0.025;
 const TOLERANCE: f32 = 1e-4;
 const DENSITY_TOLERANCE: f32 = 1e-5;
 
-/// Tolerance of centres that the host has refined. Where the surface is only just found or not, and where marks
+/// Tolerance of splats that are moved to the iso-surface. Where the surface is only just found or not, and where marks
 /// differ, one in a thousand may be anywhere.
 const REFINED_TOLERANCE: f32 = 1e-3;
 
-/// The default settings without the host's refinement.
+/// The default settings without the iso-surface.
 fn unrefined() -> Classify {
     Classify { iso_surface: false, ..Default::default() }
 }
@@ -149,9 +149,8 @@ fn compare(found: &Splats, cloud: &Cloud, settings: &Classify) -> Result<[f32; 2
 fn assert_equal(name: &str, particles: &Particles, settings: &Classify) {
     let Some(classifier) = classifier() else { return };
     let cloud = Cloud::new(particles, R);
-    let served = classifier.shaped(&cloud, settings).expect("the device works");
-    assert!(served.is_some(), "{name}: falls back to the CPU");
-    let splats = classifier.classify(particles, R, settings).expect("the device works");
+    let served = classifier.classify_on_device(&cloud, settings).expect("the device works");
+    let splats = served.unwrap_or_else(|| panic!("{name}: falls back to the CPU"));
     match compare(&splats, &cloud, settings) {
         Ok([centres, axes]) => {
             eprintln!("{name}: centres within {centres:.1e} r, axes within {axes:.1e} r");
@@ -276,6 +275,41 @@ fn fluids_gaps_and_given_shapes_match_the_cpu() {
     assert_equal("fluids", &particles, &Classify::default());
 }
 
+/// Cells deep inside a large body have one splat, those that have it on the CPU.
+#[test]
+fn interiors_match_the_cpu() {
+    let Some(classifier) = classifier() else { return };
+    let mut seed = 17;
+    let block = lattice([70, 64, 62], 2.0);
+    let block = block.into_iter().map(|p| p + 0.3 * R * noise_vector(&mut seed));
+    let particles = cloud(block.filter(|p| p.distance(Vec3::ONE) > 10.0 * R));
+    let on_cpu = classify(&particles, R, &Classify::default());
+    let served = classifier.classify_on_device(&Cloud::new(&particles, R), &Classify::default());
+    let found = served.expect("the device works").expect("a grid");
+    let interior = |splats: &Splats| {
+        let interior = splats.aggregates.iter().filter(|splat| splat.is_interior());
+        let mut interior: Vec<Splat> = interior.copied().collect();
+        interior.sort_by_key(|splat| splat.particle);
+        interior
+    };
+    let (expected, spheres) = (interior(&on_cpu), interior(&found));
+    assert!(expected.len() > 5000, "{}", expected.len());
+    assert_eq!(expected.len(), spheres.len());
+    for (a, b) in expected.iter().zip(&spheres) {
+        assert_eq!((a.particle, a.tags), (b.particle, b.tags));
+        let apart = Vec3::from(a.centre).distance(Vec3::from(b.centre));
+        assert!(apart < TOLERANCE * R && (a.diagonal[1] - b.diagonal[1]).abs() < TOLERANCE * R);
+    }
+    let all = |splats: &Splats| [splats.aggregates.len(), splats.splashes.len()];
+    assert_eq!(all(&on_cpu), all(&found));
+    let moved = |(a, b): (&Splat, &Splat)| {
+        Vec3::from(a.centre).distance(Vec3::from(b.centre)) > REFINED_TOLERANCE * R
+    };
+    let outside = on_cpu.aggregates.iter().zip(&found.aggregates);
+    let apart = outside.filter(|(a, _)| !a.is_interior()).filter(|&pair| moved(pair)).count();
+    assert!(apart < on_cpu.aggregates.len() / 1000, "{apart} splats");
+}
+
 /// Reproducibility: results do not depend on the order of threads, on earlier classifications, or
 /// on concurrent calls.
 #[test]
@@ -312,8 +346,8 @@ fn unsupported_particles_fall_back_to_the_cpu() {
     let wide = cloud(body.iter().map(|&p| 1e6 * p));
     let crowd = cloud([Vec3::ONE; 3000]);
     for (name, particles) in [("radii", unlike), ("wide", wide), ("crowd", crowd)] {
-        let shaped = classifier.shaped(&Cloud::new(&particles, R), &settings);
-        assert!(shaped.expect("the device works").is_none(), "{name}");
+        let found = classifier.classify_on_device(&Cloud::new(&particles, R), &settings);
+        assert!(found.expect("the device works").is_none(), "{name}");
         let splats = classifier.classify(&particles, R, &settings).expect("the device works");
         assert!(splats == classify(&particles, R, &settings), "{name}");
     }
@@ -343,8 +377,8 @@ fn frames_that_do_not_fit_fall_back_to_the_cpu() {
     let settings = Classify::default();
     for (count, fits) in [(1000, true), (1100, false)] {
         let particles = cloud(random(count, 12, 1.0));
-        let shaped = classifier.shaped(&Cloud::new(&particles, R), &settings);
-        assert_eq!(shaped.expect("the device works").is_some(), fits, "{count}");
+        let found = classifier.classify_on_device(&Cloud::new(&particles, R), &settings);
+        assert_eq!(found.expect("the device works").is_some(), fits, "{count}");
         let splats = classifier.classify(&particles, R, &settings).expect("the device works");
         compare(&splats, &Cloud::new(&particles, R), &settings).expect("as on the CPU");
     }

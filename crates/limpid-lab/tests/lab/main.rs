@@ -6,6 +6,7 @@ mod caustics_truth;
 mod classify_device;
 mod compare;
 mod conic;
+mod device_particles;
 mod elisions;
 mod even_light;
 mod intervals;

@@ -332,7 +332,7 @@ fn unusual_lights_give_finite_pictures() {
     let spray = Splats {
         aggregates: Vec::new(),
         splashes: vec![sphere(Vec3::new(0.1, 0.5, 0.2), 0.05)],
-        ..slab
+        ..slab.clone()
     };
     scene.settings.caustics.resolution = 64;
     scene.settings.caustics.grid = 64;
