@@ -52,7 +52,7 @@ hdf5() {
         "$CARGO_TARGET_DIR/release/limpid" 3000
 }
 
-rare() { scripts/test.sh --rare; }
+rare() { scripts/test.sh --rare "${features[@]}"; }
 
 golden() {
     cargo run --release --locked --quiet -- check tests/golden/limpid.toml --out "$CARGO_TARGET_DIR/golden"
