@@ -18,7 +18,9 @@ def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[
     expected = _written(shape)
     refuse_masked(name, value)
     try:
-        array = np.asarray(value)
+        array = as_array(name, value)
+    except _OnDevice:
+        raise
     except Exception as error:
         raise ValueError(f"{name}: {_first_line(error)}; expected numbers of shape {expected}") from error
     if array.dtype.kind not in "fiu":
@@ -36,7 +38,7 @@ def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[
 def integers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[np.int64]:
     """As `numbers`, of 64-bit integers."""
     refuse_masked(name, value)
-    array = np.asarray(value)
+    array = as_array(name, value)
     if array.size == 0:
         array = array.astype(np.int64)
     if array.dtype.kind not in "iu":
@@ -45,6 +47,32 @@ def integers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray
     if array.dtype == np.uint64 and array.size and int(array.max()) > np.iinfo(np.int64).max:
         raise ValueError(f"{name} has {int(array.max())}; expected integers of 64 bits with a sign")
     return np.require(array, np.int64, "A")
+
+
+class _OnDevice(ValueError):
+    """An array in memory of a graphics card."""
+
+
+# Kinds of devices of DLPack whose memory the processor reads: its own, and what CUDA and ROCm have pinned.
+_READABLE = (1, 3, 11)
+
+
+def as_array(name: str, value: Any) -> npt.NDArray[Any]:
+    """What NumPy makes of a value; of arrays that only speak DLPack too, without a copy."""
+    if isinstance(value, (np.ndarray, list, tuple)) or hasattr(value, "__array_interface__") or hasattr(value, "__array__"):
+        return np.asarray(value)
+    on_device = hasattr(value, "__cuda_array_interface__")
+    if not on_device and hasattr(value, "__dlpack_device__"):
+        on_device = int(value.__dlpack_device__()[0]) not in _READABLE
+    if on_device:
+        raise _OnDevice(
+            f"{name} is in memory of a graphics card, which limpid does not read; copy it, as {name}.cpu(), {name}.numpy() or "
+            f"cupy.asnumpy({name})"
+        )
+    if hasattr(value, "__dlpack__"):
+        array: npt.NDArray[Any] = np.from_dlpack(value)
+        return array
+    return np.asarray(value)
 
 
 def shaped(name: str, array: npt.NDArray[Any], shape: tuple[int | str, ...]) -> npt.NDArray[Any]:

@@ -38,6 +38,44 @@ def test_orders_strides_and_types_do_not_matter(renderer, ball, scene):
     assert not np.array_equal(other, expected)
 
 
+class OnlyDLPack:
+    """An array that no protocol of NumPy's own tells of."""
+
+    def __init__(self, array, device=(1, 0)):
+        self.array, self.device = array, device
+
+    def __dlpack__(self, **keywords):
+        return self.array.__dlpack__(**keywords)
+
+    def __dlpack_device__(self):
+        return self.device
+
+
+class OnCard:
+    """An array of CUDA, as of CuPy, Numba and Warp."""
+
+    __cuda_array_interface__ = {"shape": (8, 3), "typestr": "<f4", "data": (1 << 40, False), "version": 3}
+
+
+def test_arrays_of_other_libraries_are_read_where_they_are(renderer, ball, scene):
+    from limpid._arrays import numbers
+
+    shared = OnlyDLPack(ball)
+    assert np.shares_memory(numbers("positions", shared, ("n", 3)), ball)
+    expected = renderer.render(ball, scene=scene, radius=0.05, size=SMALL).rgba
+    assert np.array_equal(renderer.render(shared, scene=scene, radius=0.05, size=SMALL).rgba, expected)
+    pinned = OnlyDLPack(ball, device=(3, 0))
+    assert np.array_equal(renderer.render(pinned, scene=scene, radius=0.05, size=SMALL).rgba, expected)
+
+
+@pytest.mark.parametrize("array", [OnCard(), OnlyDLPack(np.zeros((8, 3), np.float32), device=(2, 0))])
+def test_arrays_on_a_card_say_how_to_copy_them(renderer, ball, array):
+    with pytest.raises(ValueError, match=r"^positions is in memory of a graphics card.*positions\.cpu\(\)"):
+        renderer.render(array, radius=0.05, size=SMALL)
+    with pytest.raises(ValueError, match=r"^ids is in memory of a graphics card"):
+        renderer.render(limpid.Particles(ball, ids=array), radius=0.05, size=SMALL)
+
+
 def test_half_floats_and_integers_are_numbers(renderer, scene):
     grid = np.stack(np.meshgrid(*3 * [np.arange(-2, 3)]), axis=-1).reshape(-1, 3)
     whole = renderer.render(grid, scene=scene, radius=0.5, size=SMALL).rgba
