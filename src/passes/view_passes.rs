@@ -2,6 +2,8 @@
 //!
 //! The camera and each light use the same passes.
 
+use std::sync::Arc;
+
 use glam::{DVec3, UVec2};
 
 use super::bins::{AGGREGATES, BinBuffers, Bins, Listed};
@@ -22,6 +24,7 @@ use crate::light_view::PlacedView;
 use crate::liquid::blocks::Blocks;
 use crate::liquid::classify::{Eye, Splats, seen_past_walls};
 use crate::scene::Scene;
+use crate::settings;
 
 /// A frame's splats on the device.
 #[derive(Debug)]
@@ -79,6 +82,17 @@ pub struct ViewPasses {
     config: ViewConfig,
     /// Splats of this view alone, if it sees walls from behind.
     own_splats: Option<(Splats, SplatSet)>,
+    /// The smoothing of the last frame, whose bindings are a third of what a frame of the same configuration prepares.
+    kept_smooth: Option<(SmoothInputs, Arc<Smooth>)>,
+}
+
+/// What the smoothing depends on beside the images.
+#[derive(Debug, PartialEq)]
+struct SmoothInputs {
+    settings: settings::Smooth,
+    fits: Vec<smooth::Params>,
+    coverage: smooth::Coverage,
+    splash: bool,
 }
 
 /// Outputs of a view's passes, and memory between them. Views of one configuration can share them: clones are the same
@@ -105,7 +119,7 @@ pub struct PreparedView {
     mixture: Option<Mixture>,
     gaps: Option<Gaps>,
     tiles: Tiles,
-    smooth: Option<Smooth>,
+    smooth: Option<Arc<Smooth>>,
     bounds: Option<Bounds>,
     gbuffer: Option<GBuffer>,
 }
@@ -228,6 +242,7 @@ impl ViewPasses {
             images: ViewImages::new(gpu, config),
             config,
             own_splats: None,
+            kept_smooth: None,
         }
     }
 
@@ -237,6 +252,7 @@ impl ViewPasses {
             |config: ViewConfig| ViewConfig { backs: true, smooth: true, bounds: true, ..config };
         if images(config) != images(self.config) {
             self.images = ViewImages::new(gpu, config);
+            self.kept_smooth = None;
         }
         self.config = config;
     }
@@ -244,6 +260,7 @@ impl ViewPasses {
     /// Draws into the images of another view of the same configuration, which is drawn before and no longer needed then.
     pub fn share(&mut self, other: &Self) {
         (self.config, self.images) = (other.config, other.images.clone());
+        self.kept_smooth = None;
     }
 
     /// The configuration that the textures were made for.
@@ -276,7 +293,7 @@ impl ViewPasses {
     ) -> PreparedView {
         self.choose_splats(gpu, frame, uniform, eye);
         let FrameInputs { scene, fits, .. } = frame;
-        let Self { camera, images, config, own_splats, .. } = self;
+        let Self { camera, images, config, own_splats, kept_smooth, .. } = self;
         let ViewConfig { backs, gaps, tags, .. } = *config;
         let (splats, set) = match own_splats {
             Some((splats, set)) => (&*splats, &*set),
@@ -318,9 +335,19 @@ impl ViewPasses {
         let smooth = config.smooth.then(|| {
             let (tiles, gap_images) = (&images.tiles, &images.gaps);
             let inputs = smooth::Inputs { splatted: layers[0], splash, tiles, gaps: gap_images };
-            let (settings, coverage) =
-                (&scene.settings.smooth, smooth::Coverage { backs, gaps, sizes });
-            Smooth::prepare(gpu, camera, inputs, &images.smooth, settings, fits, coverage)
+            let known = SmoothInputs {
+                settings: scene.settings.smooth.clone(),
+                fits: fits.to_vec(),
+                coverage: smooth::Coverage { backs, gaps, sizes },
+                splash: splash.is_some(),
+            };
+            if let Some((_, kept)) = kept_smooth.as_ref().filter(|(kept, _)| *kept == known) {
+                return kept.clone();
+            }
+            let (settings, coverage) = (&known.settings, known.coverage);
+            let new =
+                Smooth::prepare(gpu, camera, inputs, &images.smooth, settings, fits, coverage);
+            kept_smooth.insert((known, Arc::new(new))).1.clone()
         });
         let bounds = config.bounds.then(|| {
             let drawn = if config.smooth { &images.smooth.layers } else { layers[0] };
