@@ -571,36 +571,27 @@ mod tests {
     /// The constants are the same in Rust and WGSL.
     #[test]
     fn constants_match_the_shaders() {
-        let same = |file: &str, constants: &[(&str, f32)]| {
-            for &(name, value) in constants {
-                let found = crate::gpu::shader::constant(file, name);
-                assert_eq!(found as f32, value, "{file}: {name}");
-            }
-        };
-        same(
-            "classify/points.wgsl",
-            &[
-                ("FIELD", SUPPORT),
-                ("LEVEL", LEVEL),
-                ("FARTHEST", FARTHEST),
-                ("HALF_SHEET", HALF_SHEET),
-                ("LEAST_OFFSET", OFFSETS[0]),
-                ("FULL_OFFSET", OFFSETS[1]),
-            ],
-        );
-        same("classify/shape.wgsl", &[("FLAT", FLAT[0]), ("NOT_FLAT", FLAT[1])]);
-        same(
-            "classify/normals.wgsl",
-            &[("NORMALS", NORMALS), ("OTHER_SIDE_FROM", ONE_SIDE[0]), ("ONE_SIDE", ONE_SIDE[1])],
-        );
-        same(
-            "classify/move.wgsl",
-            &[
-                ("SMOOTHING", SMOOTHING),
-                ("OTHER_FACE", ONE_FACE[0]),
-                ("ONE_FACE", ONE_FACE[1]),
-                ("THINNEST", THINNEST as f32),
-            ],
-        );
+        let [points, shape] = ["classify/points.wgsl", "classify/shape.wgsl"];
+        let [normals, moves] = ["classify/normals.wgsl", "classify/move.wgsl"];
+        let table = [
+            (points, "FIELD", SUPPORT),
+            (points, "LEVEL", LEVEL),
+            (points, "FARTHEST", FARTHEST),
+            (points, "HALF_SHEET", HALF_SHEET),
+            (points, "LEAST_OFFSET", OFFSETS[0]),
+            (points, "FULL_OFFSET", OFFSETS[1]),
+            (shape, "FLAT", FLAT[0]),
+            (shape, "NOT_FLAT", FLAT[1]),
+            (normals, "NORMALS", NORMALS),
+            (normals, "OTHER_SIDE_FROM", ONE_SIDE[0]),
+            (normals, "ONE_SIDE", ONE_SIDE[1]),
+            (moves, "SMOOTHING", SMOOTHING),
+            (moves, "OTHER_FACE", ONE_FACE[0]),
+            (moves, "ONE_FACE", ONE_FACE[1]),
+            (moves, "THINNEST", THINNEST as f32),
+        ];
+        for (file, name, value) in table {
+            assert_eq!(crate::gpu::shader::constant(file, name) as f32, value, "{file}: {name}");
+        }
     }
 }

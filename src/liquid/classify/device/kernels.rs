@@ -27,15 +27,15 @@ pub(super) fn record(
 ) {
     let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
     let uniform = gpu::buffer_with(gpu, "classify", usage, &[*params]);
-    let frame = Frame { gpu, buffers, params, uniform: &uniform };
-    frame.count(encoder);
+    let kernels = Kernels { gpu, buffers, params, uniform: &uniform };
+    kernels.count(encoder);
     // Later kernels leave crowds alone.
     let total = size_of::<Sum>() as u64 * blocks(params.cells.into());
     let (from, to) = (total + offset_of!(Sum, squares) as u64, offset_of!(Params, squares) as u64);
     encoder.copy_buffer_to_buffer(&buffers.sums, from, &uniform, to, 4);
-    frame.shape(encoder);
+    kernels.shape(encoder);
     if !walls.is_empty() {
-        frame.wet(encoder, walls);
+        kernels.wet(encoder, walls);
     }
 }
 
@@ -66,7 +66,7 @@ pub(super) fn gather(
     particles: &DeviceParticles<'_>,
 ) {
     let uniform = gpu::buffer_with(gpu, "classify", wgpu::BufferUsages::STORAGE, &[*params]);
-    let frame = Frame { gpu, buffers, params, uniform: &uniform };
+    let kernels = Kernels { gpu, buffers, params, uniform: &uniform };
     let DeviceParticles { positions, radii, counter, radius, .. } = *particles;
     let words = |bytes: u64| (bytes / 4) as u32;
     let of = |attribute: Attribute<'_>| [words(attribute.offset), words(attribute.stride)];
@@ -83,7 +83,7 @@ pub(super) fn gather(
     // Something must be bound.
     let radii = radii.map_or(positions.buffer, |radii| radii.buffer);
     let counter = counter.map_or(positions.buffer, |counter| counter.buffer);
-    let gathering = frame.step(
+    let gathering = kernels.step(
         "classify/members.wgsl",
         &[
             (gpu::storage::<Source>(), &source),
@@ -101,7 +101,7 @@ pub(super) fn gather(
 
 /// What the kernels of a frame have in common.
 #[derive(Clone, Copy)]
-struct Frame<'a> {
+struct Kernels<'a> {
     gpu: &'a Gpu,
     buffers: &'a Buffers,
     params: &'a Params,
@@ -131,7 +131,7 @@ fn begin(encoder: &mut wgpu::CommandEncoder) -> wgpu::ComputePass<'_> {
     })
 }
 
-impl<'a> Frame<'a> {
+impl<'a> Kernels<'a> {
     /// A kernel's bindings.
     fn step(self, file: &'static str, buffers: &[(wgpu::BindingType, &wgpu::Buffer)]) -> Step<'a> {
         let params = [(gpu::storage::<Params>(), self.uniform)];
@@ -176,10 +176,8 @@ impl<'a> Frame<'a> {
     fn shape(self, encoder: &mut wgpu::CommandEncoder) {
         let Self { buffers, params, .. } = self;
         let (read, write) = (gpu::storage_of, gpu::storage_read_write);
-        let Buffers { places, tags, cell_of, counts, sums, starts, interior, came, order, .. } =
-            buffers;
-        let Buffers { sorted, splats, means, fields, line_starts, lines, points, normals, .. } =
-            buffers;
+        let Buffers { places, tags, cell_of, starts, interior, came, order, .. } = buffers;
+        let Buffers { sorted, splats, means, fields, .. } = buffers;
         let (members, cells) = (params.members.div_ceil(EACH), params.cells.div_ceil(EACH));
 
         let mut pass = begin(encoder);
@@ -214,10 +212,18 @@ impl<'a> Frame<'a> {
             ],
         )
         .run(&mut pass, "shape", members);
-        if params.most_neighbours == 0 {
-            return;
+        if params.most_neighbours > 0 {
+            self.refine(&mut pass);
         }
+    }
 
+    /// Moves the splats at the surface to the iso-surface.
+    fn refine(self, pass: &mut wgpu::ComputePass<'_>) {
+        let Self { buffers, params, .. } = self;
+        let (read, write) = (gpu::storage_of, gpu::storage_read_write);
+        let Buffers { counts, sums, starts, order, sorted, splats, means, fields, .. } = buffers;
+        let Buffers { line_starts, lines, points, normals, .. } = buffers;
+        let cells = params.cells.div_ceil(EACH);
         let listing = self.step(
             "classify/lines.wgsl",
             &[
@@ -230,9 +236,9 @@ impl<'a> Frame<'a> {
                 (write(LINE), lines),
             ],
         );
-        listing.run(&mut pass, "count_lines", cells);
-        self.scan(&mut pass, counts, sums, line_starts);
-        listing.run(&mut pass, "list_lines", cells);
+        listing.run(pass, "count_lines", cells);
+        self.scan(pass, counts, sums, line_starts);
+        listing.run(pass, "list_lines", cells);
         // How many lines there are only the device knows: threads beyond them end at once.
         let each_line = params.most_lines.div_ceil(EACH);
         self.step(
@@ -246,12 +252,12 @@ impl<'a> Frame<'a> {
                 (write(POINT), points),
             ],
         )
-        .run(&mut pass, "find_points", each_line);
+        .run(pass, "find_points", each_line);
         self.step(
             "classify/normals.wgsl",
             &[(read(4), line_starts), (read(POINT), points), (write(16), normals)],
         )
-        .run(&mut pass, "mean_normals", each_line);
+        .run(pass, "mean_normals", each_line);
         self.step(
             "classify/move.wgsl",
             &[
@@ -264,7 +270,7 @@ impl<'a> Frame<'a> {
                 (write(48), splats),
             ],
         )
-        .run(&mut pass, "move_splats", each_line);
+        .run(pass, "move_splats", each_line);
     }
 
     /// Copies the splats of bodies to the walls that they touch.
