@@ -12,7 +12,7 @@ use crate::liquid::classify::Splats;
 /// [`FrameInput::surface`]: crate::frame::FrameInput::surface
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Motion {
-    /// Velocity of each particle, m/s, in the order of the particles; empty if they are at rest.
+    /// Velocity of each particle, m/s, in the order of the particles, also of those on the device; empty if they are at rest.
     pub velocities: Vec<Vec3>,
     /// Time since the frame before, s.
     pub seconds: f32,
@@ -37,7 +37,7 @@ impl Motion {
         }
         let all = splats.aggregates.par_iter().chain(&splats.splashes);
         let on_host = all.map(|splat| splat.particle as usize + 1).max().unwrap_or(0);
-        let needed = splats.device.as_ref().map_or(on_host, |device| device.count as usize);
+        let needed = splats.device.as_ref().map_or(on_host, |device| device.members as usize);
         match self.velocities.len() {
             known if known < needed => {
                 fail(format!("{known} velocities are given for {needed} particles"))

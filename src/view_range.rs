@@ -227,9 +227,10 @@ pub(crate) fn clear_of_liquid(
     };
     let near = |block: &Block| block.distance(eye) - f64::from(block.longest) < farthest;
     if let Some(device) = &splats.device {
-        // Among the splats the host does not know how near the nearest is: as near as its particle's centre would be.
-        let distance = device.distance(eye).max(2.0 * NEAR_SHARE * f64::from(splats.radius));
-        let near = (NEAR_SHARE * distance / corner) as f32;
+        // Among the splats the host does not know how near the nearest is: half a radius at least.
+        let distance = device.distance(eye).max(f64::from(splats.radius));
+        let least = (MIN_SHARES.0 * eye.length()).max(MIN_SHARES.1 * f64::from(splats.radius));
+        let near = (NEAR_SHARE * distance / corner).max(least) as f32;
         return View { near: Some(near.min(uniform.near)), ..view };
     }
     let nearest = blocks.splats_where(splats, near).map(clearance).fold(f64::INFINITY, f64::min);

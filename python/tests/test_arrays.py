@@ -39,7 +39,7 @@ def test_orders_strides_and_types_do_not_matter(renderer, ball, scene):
 
 
 class OnlyDLPack:
-    """An array that no protocol of NumPy's own tells of."""
+    """An array without NumPy's own protocols."""
 
     def __init__(self, array, device=(1, 0)):
         self.array, self.device = array, device

@@ -4,13 +4,15 @@
 
 struct Line {
     out: vec3f,  // unit vector
-    tag: u32,    // OUT, SIDE or OTHER_SIDE in the lowest two bits, above them the sorted index of the member
+    tag: u32,    // the kind in the lowest two bits, above them the sorted index of the member
 }
 
 // Kinds of lines. A member's follow each other in this order.
 const OUT: u32 = 0u;
 const SIDE: u32 = 1u;
 const OTHER_SIDE: u32 = 2u;
+// Where the list ends between a sheet's two.
+const NO_LINE: u32 = 3u;
 
 // A point of the surface.
 struct Point {

@@ -44,6 +44,8 @@ fn list_lines(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
             let axis = sheet(mean.xyz, eigen(Symmetric(splat.diagonal, splat.off_diagonal))).xyz;
             lines[line] = Line(axis, (slot << 2u) | SIDE);
             lines[line + 1u] = Line(-axis, (slot << 2u) | OTHER_SIDE);
+        } else if has_sides(mean) && line < params.most_lines {
+            lines[line] = Line(vec3f(0.0), NO_LINE);
         }
         line += 2u * u32(has_sides(mean));
     }

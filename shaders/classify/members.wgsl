@@ -1,5 +1,5 @@
-// The members of a frame whose particles are in buffers of the device: positions and radii as the kernels read them, and
-// spheres as splats, which stay where there is a crowd.
+// The members of a frame whose particles are in buffers of the device: positions and radii as the kernels read them. Each
+// splat starts as a sphere, and stays one in a crowd.
 
 #import classify/params.wgsl
 #import common/splat.wgsl

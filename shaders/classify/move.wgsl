@@ -63,7 +63,7 @@ fn move_splats(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     let slot = lines[first].tag >> 2u;
     let kind = lines[first].tag & 3u;
     let mean = means[slot];
-    if kind == OTHER_SIDE || (kind == SIDE && goes_out(mean)) {
+    if kind == OTHER_SIDE || kind == NO_LINE || (kind == SIDE && goes_out(mean)) {
         return;
     }
     let count = u32(goes_out(mean)) + 2u * u32(has_sides(mean));

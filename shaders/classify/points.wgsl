@@ -135,7 +135,9 @@ fn find_points(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     let own = sorted[lines[i].tag >> 2u];
     if kind == OUT {
         points[i] = point_on(lines[i], own, FARTHEST);
-    } else if kind == SIDE && i + 1u < listed(line_starts[params.cells]) {
+    } else if kind == NO_LINE {
+        points[i].found = 0u;
+    } else if kind == SIDE {
         // A sheet has both sides or none.
         var a = point_on(lines[i], own, HALF_SHEET);
         var b = point_on(lines[i + 1u], own, HALF_SHEET);

@@ -41,7 +41,7 @@ pub struct Params {
     pub swell: f32,
     /// 1 for the tiles beyond all bands, whose list is that of all splats.
     pub rest: u32,
-    /// Splats to draw: 0 for all, otherwise 1 more than the class of those that the device has classified.
+    /// 0 draws all splats; a class + 1 draws only those that the device put in that class.
     pub kinds: u32,
     /// Padding.
     pub pad: u32,

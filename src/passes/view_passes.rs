@@ -49,7 +49,10 @@ impl SplatSet {
         match &splats.device {
             Some(device) => {
                 self.aggregates.bind(gpu, device);
-                self.splashes.bind(gpu, device);
+                match device.has_splashes {
+                    true => self.splashes.bind(gpu, device),
+                    false => self.splashes.upload(gpu, &[]),
+                }
             }
             None => {
                 self.aggregates.upload(gpu, &splats.aggregates);
@@ -82,7 +85,7 @@ pub struct ViewPasses {
     config: ViewConfig,
     /// Splats of this view alone, if it sees walls from behind.
     own_splats: Option<(Splats, SplatSet)>,
-    /// The smoothing of the last frame, whose bindings are a third of what a frame of the same configuration prepares.
+    /// The smoothing of the last frame, kept because its bindings are four tenths of a frame's preparation.
     kept_smooth: Option<(SmoothInputs, Arc<Smooth>)>,
 }
 

@@ -7,7 +7,7 @@
 //!
 //! The simulation is the moving least squares material point method of Y. Hu et al., "A Moving Least Squares Material Point
 //! Method with Displacement Discontinuity and Two-Way Rigid Body Coupling", ACM Transactions on Graphics 37(4), 2018, with
-//! the equation of state of weakly compressible SPH (M. Becker and M. Teschner, 2007). limpid's part is [`Live::draw`].
+//! the equation of state of weakly compressible SPH (M. Becker and M. Teschner, 2007). [`Live::draw`] holds all the calls that draw with limpid.
 
 use std::error::Error;
 
@@ -125,7 +125,7 @@ struct Simulation {
 impl Simulation {
     fn new(gpu: &Gpu, count: u32) -> Self {
         let device = &gpu.device;
-        // As many as the particles fill.
+        // Sized so that the particles fill the dam.
         let side = (count as f32 / (PER_CELL * DAM[0] * DAM[1] * 0.6 * 0.5)).cbrt();
         let [x, y, z] = [1.0, 0.6, 0.5].map(|share| (share * side).ceil() as u32 + 4);
         let cells = x * y * z;
@@ -259,9 +259,12 @@ impl eframe::App for Window {
     fn ui(&mut self, ui: &mut eframe::egui::Ui, _frame: &mut eframe::Frame) {
         let pixels = ui.available_size() * ui.ctx().pixels_per_point();
         let size = UVec2::new(pixels.x as u32, pixels.y as u32).max(UVec2::ONE);
-        let fits = |(shown, _): &(wgpu::Texture, _)| (shown.width(), shown.height()) == size.into();
         let format = wgpu::TextureFormat::Rgba8Unorm;
-        let (texture, id) = self.shown.take().filter(fits).unwrap_or_else(|| {
+        let fits = |(shown, _): &(wgpu::Texture, _)| (shown.width(), shown.height()) == size.into();
+        if let Some((_, id)) = self.shown.take_if(|shown| !fits(shown)) {
+            self.state.renderer.write().free_texture(&id);
+        }
+        let (texture, id) = self.shown.take().unwrap_or_else(|| {
             let texture = self.state.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("picture"),
                 size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },

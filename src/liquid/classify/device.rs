@@ -37,7 +37,7 @@ pub use splats::DeviceSplats;
 pub const SORTING: u32 = 256;
 /// Cells per block of the prefix sum, as in `classify/sums.wgsl`.
 pub const BLOCK: u32 = 2048;
-/// Bit of the tags of a member whose shape the host knows, as in `classify/splat.wgsl`.
+/// Bit of the tags of a member whose shape the host knows, as in `classify/shape.wgsl`.
 pub const GIVEN: u32 = 1 << 31;
 
 /// How far a splat may move to the iso-surface, and how much longer its axes may become, in r.
@@ -185,24 +185,26 @@ impl Classifier {
         pollster::block_on(self.finish_on_device(cloud, settings))
     }
 
-    /// Records the classification of particles that are on the device into the caller's encoder; the splats stay there,
-    /// and [`FrameInput`](crate::frame::FrameInput) takes them as others. Submits, waits for and maps nothing.
+    /// Records the classification of particles on the device into the caller's encoder. The splats stay there, and
+    /// [`FrameInput`](crate::frame::FrameInput) takes them like any others. Submits, waits for and maps nothing.
     ///
-    /// The splats last until the classifier records its next frame: draw one before that. All particles are of the scene's
-    /// first fluid. Crowds, for which there is no time to look at all neighbours, are spheres. Bodies wet the scene's solids,
-    /// as by [`super::add_wall_contacts`], but not its meshes. What the host does for other splats it does not do for these:
-    /// keep them from showing through thin solids, and frame a level surface or a light in the liquid in maps of lights,
-    /// which have the bounds in view.
+    /// The splats last until the classifier's next frame, in whatever way that is classified: draw one before the next. All
+    /// particles are of the scene's first fluid. Crowds, for which there is no time to look at all neighbours, become spheres.
+    /// Bodies wet the scene's solids, as by [`super::add_wall_contacts`], but not its meshes; there is room for one copy of
+    /// each splat. Three things that the host does for its own splats are missing here: splats may show through thin solids;
+    /// light views frame the whole bounds, without regard to a level surface or a lamp in the liquid; and light that reaches
+    /// an eye in the liquid is not absorbed on its way down.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the buffers do not hold the particles; [`Error::Limit`] if a binding of the device does not
-    /// hold their splats, 48 bytes each.
+    /// [`Error::Invalid`] if the buffers do not hold the particles, or the scene cannot be drawn; [`Error::Limit`] if a binding
+    /// of the device holds neither the part of a buffer with the particles nor their splats, 48 bytes each.
     pub fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         particles: &DeviceParticles<'_>,
         scene: &Scene,
     ) -> Result<Splats> {
+        scene.check()?;
         particles.check()?;
         let settings = &scene.settings.classify;
         let walls = walls(scene, particles.origin);
@@ -210,19 +212,30 @@ impl Classifier {
         let (min, max) = (bounds.0 - origin, bounds.1 - origin);
         let members = count as usize;
         let in_32_bits = (min.as_vec3(), max.as_vec3());
-        let (layout, is_usual) = Layout::within(in_32_bits, members, radius, settings.support);
+        let (layout, wider) = Layout::within(in_32_bits, members, radius, settings.support);
+        if count == 0 {
+            return Ok(Splats { radius, origin, ..Splats::default() });
+        }
+        let most = self.gpu.most_binding();
+        let limit = |problem: String| Error::Limit {
+            adapter: self.gpu.adapter(),
+            problem,
+            of: Limited::Classify,
+        };
+        let (positions, radii_part, _) = particles.parts(&self.gpu);
+        for part in [Some(positions), radii_part].into_iter().flatten() {
+            let (name, bytes) = (part.name, part.bytes);
+            if bytes > most {
+                return Err(limit(format!("{name} take {bytes} bytes; a binding holds {most}")));
+            }
+        }
         let copies = if walls.is_empty() { 0 } else { members };
         let wanted = Capacity::for_frame(&self.gpu, [members, copies], &layout, settings);
         let Some(wanted) = wanted else {
-            let most = self.gpu.most_binding();
-            return Err(Error::Limit {
-                adapter: self.gpu.adapter(),
-                problem: format!(
-                    "{count} particles in {} cells exceed a binding of {most} bytes",
-                    layout.cells()
-                ),
-                of: Limited::Classify,
-            });
+            let cells = layout.cells();
+            return Err(limit(format!(
+                "the splats of {count} particles in {cells} cells exceed a binding, which holds {most} bytes"
+            )));
         };
         let mut params = Params::new(&layout, members, settings, wanted.lines);
         params.largest_radius = match radii {
@@ -230,7 +243,11 @@ impl Classifier {
             None => radius,
         };
         params.most_copies = copies as u32;
-        if is_usual && radii.is_none() && interior::merges(members, settings) {
+        // Wider cells have more members each.
+        params.most_squares *= wider.powi(3) as f32;
+        // How many particles there are of those that there may be, only the device knows.
+        let counted = particles.counter.is_none();
+        if wider == 1.0 && counted && radii.is_none() && interior::merges(members, settings) {
             params.merge_cells(settings);
         }
 
@@ -249,10 +266,10 @@ impl Classifier {
         drop(kept);
 
         let largest = params.largest_radius;
-        let width = 1.0 / layout.per_cell;
-        // Of a body's and a sheet's splats, and of a sphere around a cell.
+        // The longest semi-axis of a splat, or the radius of a merged cell's sphere.
+        let sphere = if params.full > 0.0 { 0.5 * 3.0f32.sqrt() / layout.per_cell } else { 0.0 };
         let axes = settings.long_axis.max(settings.short_axis).max(settings.splash_radius);
-        let reach = (largest * (axes + LONGER)).max(width * 0.5 * 3.0f32.sqrt());
+        let reach = (largest * (axes + LONGER)).max(sphere);
         let moved = settings.smoothing * settings.support + FARTHEST + settings.wetting;
         let moved = f64::from(largest * moved);
         Ok(Splats {
@@ -261,6 +278,7 @@ impl Classifier {
             device: Some(DeviceSplats {
                 buffer: splats,
                 count: count + params.most_copies,
+                members: count,
                 bounds: (min - DVec3::splat(moved), max + DVec3::splat(moved)),
                 reach,
                 usual_reach: radius * axes,
@@ -319,8 +337,7 @@ impl Classifier {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         kernels::record(&self.gpu, &mut encoder, &buffers, &params, &[]);
         let (sum, splat) = (size_of::<Sum>() as u64, size_of::<Splat>() as u64);
-        let total = sum * buffers::blocks(wanted.cells);
-        encoder.copy_buffer_to_buffer(&buffers.sums, total, &staging, 0, sum);
+        encoder.copy_buffer_to_buffer(&buffers.total, 0, &staging, 0, sum);
         let splats = splat * wanted.members;
         encoder.copy_buffer_to_buffer(&buffers.splats, 0, &staging, sum, splats);
         let submission = self.gpu.queue.submit([encoder.finish()]);
@@ -362,6 +379,9 @@ pub struct Wall {
 
 /// The solids of a scene that splats around `origin` can wet on the device: all but meshes.
 fn walls(scene: &Scene, origin: DVec3) -> Vec<Wall> {
+    if scene.settings.classify.wetting == 0.0 {
+        return Vec::new();
+    }
     let place = |x: DVec3| (x - origin).as_vec3().to_array();
     let wall = |(number, solid): (u32, &Solid)| {
         let none = Wall::zeroed();
@@ -388,7 +408,7 @@ fn walls(scene: &Scene, origin: DVec3) -> Vec<Wall> {
 }
 
 impl Params {
-    /// Of members without tags of their own, around the origin of the splats, that are as large as the cells are made for.
+    /// Parameters for untagged members of the grid's radius, around the splats' origin.
     fn new(layout: &Layout, members: usize, settings: &Classify, most_lines: u64) -> Self {
         let at_rest = moments::density_at_rest(settings.support.into());
         let crowd = grid::most_shared(settings.support) * members as f64;

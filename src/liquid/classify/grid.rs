@@ -66,14 +66,14 @@ impl Layout {
         around(all).or_else(|| around(bounds_of_most(members, all)))
     }
 
-    /// As [`Layout::of`], for `count` particles in a box that is known, in wider cells where there would be too many.
-    /// Also returns whether cells have their usual width.
+    /// As [`Layout::of`], for `count` particles in a known box. Where there would be too many cells, they are wider: also
+    /// returns the ratio of their width to the usual one.
     pub(super) fn within(
         (min, max): (Vec3, Vec3),
         count: usize,
         radius: f32,
         support: f32,
-    ) -> (Self, bool) {
+    ) -> (Self, f64) {
         let usual = f64::from(support) * f64::from(radius) * MARGIN;
         let sides = max.as_dvec3() - min.as_dvec3();
         let counts = |width: f64| (sides / width).floor() + 1.0;
@@ -86,7 +86,7 @@ impl Layout {
         }
         let layout =
             Self { min, max, per_cell: (1.0 / width) as f32, counts: counts(width).as_uvec3() };
-        (layout, width == usual)
+        (layout, width / usual)
     }
 
     pub(super) fn cells(&self) -> usize {

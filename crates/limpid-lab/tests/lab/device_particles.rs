@@ -3,16 +3,18 @@
 use glam::{DVec3, UVec2, Vec3};
 use image::{DynamicImage, RgbImage};
 use limpid::camera::{Camera, Lens};
+use limpid::frame::FrameInput;
 use limpid::gpu::{self, Gpu};
 use limpid::liquid::classify::{Classifier, Cloud, Splats, add_wall_contacts};
 use limpid::liquid::{Attribute, Counter, DeviceParticles, Particles};
+use limpid::motion::Motion;
 use limpid::scene::{Light, Scene, Shape};
 use limpid::settings::Classify;
 use limpid::wgpu;
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
 use crate::support::frames::{
-    FrameImages, Harness, glowing, harness, noise, noise_vector, on_axis,
+    FrameImages, Harness, diagnosed, glowing, harness, noise, noise_vector, on_axis, render,
 };
 
 const R: f32 = 0.025;
@@ -176,6 +178,67 @@ fn bodies_wet_solids() {
     assert!(mean < 3e-3 && without > 5.0 * mean, "{mean}, {without}");
 }
 
+/// A simulation in a basin that is far larger than its liquid: wider cells, not a crowd.
+#[test]
+fn liquid_in_a_large_basin_is_no_crowd() {
+    let Some((mut harness, classifier)) = open() else { return };
+    let gpu = harness.gpu.clone();
+    let places = liquid();
+    let positions = storage(&gpu, &words(&places));
+    let tight = packed(&positions, places.len());
+    let wide = DeviceParticles { bounds: (DVec3::splat(-20.0), DVec3::splat(20.0)), ..tight };
+    let scene = Scene::around(DVec3::splat(-0.5), DVec3::splat(0.5), R);
+    let [expected, found] = [tight, wide].map(|particles| {
+        let splats = record(&gpu, &classifier, &particles);
+        harness.render(&scene, &camera(), &splats, SIZE)
+    });
+    let mean = mean_flip(&expected, &found);
+    eprintln!("mean FLIP {mean:.1e}");
+    assert!(mean < 4e-3, "{mean}");
+}
+
+/// Motion vectors come from the host's velocities, one for each particle, whatever its splats were copied to; and frames
+/// that reuse the last one's images draw the particles that there are now.
+#[test]
+fn frames_of_the_device_have_motion_and_reuse() {
+    let Some((mut harness, classifier)) = open() else { return };
+    let gpu = harness.gpu.clone();
+    let places = liquid();
+    let positions = storage(&gpu, &words(&places));
+    let particles = packed(&positions, places.len());
+    let scene = Scene::around(DVec3::splat(-0.5), DVec3::splat(0.5), R);
+    let motion = Motion { velocities: vec![Vec3::X; places.len()], seconds: 0.1, previous: None };
+    let splats = record_in(&gpu, &classifier, &particles, &scene);
+    let camera = camera();
+    let input = FrameInput { reuse: true, ..diagnosed(&scene, &camera, &splats, SIZE) };
+    let input = FrameInput { surface: Some(&motion), ..input };
+    let first = render(&gpu, &mut harness.renderer, input);
+    let moves = first.channel("motion.X").iter().filter(|&&x| x > 1.0).count();
+    assert!(moves > 1000, "{moves} pixels");
+    // The same frame again, and one of other particles in the same buffers.
+    let again = render(&gpu, &mut harness.renderer, input);
+    assert_same_bits(&first, &again);
+    let fewer = DeviceParticles { count: particles.count / 2, ..particles };
+    let splats = record_in(&gpu, &classifier, &fewer, &scene);
+    let input = FrameInput { reuse: true, ..diagnosed(&scene, &camera, &splats, SIZE) };
+    let found = render(&gpu, &mut harness.renderer, input);
+    assert!(mean_flip(&first, &found) > 0.01);
+    assert_same_bits(&harness.render(&scene, &camera, &splats, SIZE), &found);
+}
+
+/// No particles, before any others.
+#[test]
+fn no_particles_are_nothing() {
+    let Some((mut harness, classifier)) = open() else { return };
+    let gpu = harness.gpu.clone();
+    let positions = storage(&gpu, &[0.0f32; 3]);
+    let splats = record(&gpu, &classifier, &packed(&positions, 0));
+    let scene = Scene::around(DVec3::splat(-0.5), DVec3::splat(0.5), R);
+    let found = harness.render(&scene, &camera(), &splats, SIZE);
+    let nothing = Splats { radius: R, ..Splats::default() };
+    assert_same_bits(&harness.render(&scene, &camera(), &nothing, SIZE), &found);
+}
+
 /// Lights see the device's particles.
 #[test]
 fn lights_see_particles_of_the_device() {
@@ -241,6 +304,17 @@ fn layouts_of_buffers_do_not_matter() {
     let splats = record(&gpu, &classifier, &counted);
     assert_same_bits(&expected, &harness.render(&scene, &camera(), &splats, SIZE));
 
+    // Deep in a buffer of several kinds of data.
+    let mut arena = vec![f32::NAN; 1000];
+    arena.extend(words(&places));
+    let arena = storage(&gpu, &arena);
+    let in_arena = DeviceParticles {
+        positions: Attribute { buffer: &arena, offset: 4000, stride: 12 },
+        ..plain
+    };
+    let splats = record(&gpu, &classifier, &in_arena);
+    assert_same_bits(&expected, &harness.render(&scene, &camera(), &splats, SIZE));
+
     // And none at all.
     let none = storage(&gpu, &[0u32]);
     let none = DeviceParticles { counter: Some(Counter { buffer: &none, offset: 0 }), ..counted };
@@ -294,7 +368,7 @@ fn wrong_bounds_drop_nothing() {
         let splats = record(&gpu, &classifier, &particles);
         harness.render(&scene, &near, &splats, 2 * SIZE)
     });
-    // All in one cell: sums in another order.
+    // Fewer cells: sums in another order.
     assert!(mean_flip(&expected, &found) < 2e-3);
 }
 
@@ -336,6 +410,7 @@ fn wrong_buffers_are_refused() {
         (DeviceParticles { radius: 0.0, ..right }, "radius of 0"),
         (DeviceParticles { radius: f32::NAN, ..right }, "radius of NaN"),
         (DeviceParticles { bounds: (DVec3::ONE, DVec3::ZERO), ..right }, "bounds"),
+        (DeviceParticles { bounds: (DVec3::MIN, DVec3::MAX), ..right }, "bounds"),
         (
             DeviceParticles { counter: Some(Counter { buffer: &positions, offset: 120 }), ..right },
             "counter",

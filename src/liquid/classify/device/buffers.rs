@@ -9,7 +9,7 @@ use crate::settings::Classify;
 const LINES: u64 = 3 << 20;
 
 /// Bytes of a `Point` of `classify/line.wgsl`, the largest item of a line.
-const POINT: u64 = 32;
+pub(super) const POINT: u64 = 32;
 
 /// How much buffers have room for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,8 +25,8 @@ pub(super) struct Capacity {
 impl Capacity {
     /// For a frame of this many members and copies of splats; `None` for more than a binding of the device holds.
     ///
-    /// Members of sheets have up to three lines, those of bodies one if they are at the surface. Among so many members that
-    /// three lines each would take half a gigabyte, there is room for one line each; splats beyond it are not moved.
+    /// Members of sheets have up to three lines, those of bodies one if they are at the surface. From a million members on
+    /// there is room for three million lines, or for one each if that is more; splats beyond it are not moved.
     pub(super) fn for_frame(
         gpu: &Gpu,
         [members, copies]: [usize; 2],
@@ -73,6 +73,8 @@ pub(super) struct Buffers {
     pub(super) cell_of: wgpu::Buffer,
     /// Members in each cell, later lines.
     pub(super) counts: wgpu::Buffer,
+    /// The total [`Sum`] of the members.
+    pub(super) total: wgpu::Buffer,
     /// [`Sum`] of each block of cells, then the total.
     pub(super) sums: wgpu::Buffer,
     /// First sorted index of each cell.
@@ -114,7 +116,9 @@ impl Buffers {
     /// Allocates the buffers, with spare room as the next frame may have slightly more.
     pub(super) fn allocate(gpu: &Gpu, wanted: Capacity) -> Self {
         let most = gpu.most_binding();
-        let room = |count: u64, bytes: u64| (count + count / 8).min(most / bytes - 1).max(count);
+        // Nothing of no bytes can be bound.
+        let room =
+            |count: u64, bytes: u64| (count + count / 8).min(most / bytes - 1).max(count).max(1);
         let capacity = Capacity {
             members: room(wanted.members, 16),
             splats: room(wanted.splats, size_of::<Splat>() as u64),
@@ -140,6 +144,7 @@ impl Buffers {
             tags: of("tags of members", 4 * members, storage | to),
             cell_of: of("cells of members", 8 * members, storage),
             counts: of("members of cells", 4 * (cells + 1), storage | to),
+            total: of("sum of members", size_of::<Sum>() as u64, to | from),
             sums: of("sums of blocks", sums, storage | from),
             starts: of("starts of cells", 4 * (cells + 1), storage),
             interior: of("interior cells", 4 * cells, storage),

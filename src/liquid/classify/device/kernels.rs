@@ -4,18 +4,16 @@ use std::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::buffers::{Buffers, blocks};
+use super::buffers::{Buffers, POINT, blocks};
 use super::{Params, SORTING, Sum, Wall};
 use crate::gpu::{self, Gpu};
-use crate::liquid::device_particles::{Attribute, DeviceParticles};
+use crate::liquid::device_particles::DeviceParticles;
 
 /// Workgroup size of the kernels with a thread for each member, cell or line.
 const EACH: u32 = 64;
 
 /// Bytes of a `Line` of `classify/line.wgsl`.
 const LINE: u64 = 16;
-/// Bytes of a `Point` of `classify/line.wgsl`.
-const POINT: u64 = 32;
 
 /// Records all kernels, for bodies that wet these walls.
 pub(super) fn record(
@@ -33,6 +31,8 @@ pub(super) fn record(
     let total = size_of::<Sum>() as u64 * blocks(params.cells.into());
     let (from, to) = (total + offset_of!(Sum, squares) as u64, offset_of!(Params, squares) as u64);
     encoder.copy_buffer_to_buffer(&buffers.sums, from, &uniform, to, 4);
+    let sum = size_of::<Sum>() as u64;
+    encoder.copy_buffer_to_buffer(&buffers.sums, total, &buffers.total, 0, sum);
     kernels.shape(encoder);
     if !walls.is_empty() {
         kernels.wet(encoder, walls);
@@ -67,31 +67,28 @@ pub(super) fn gather(
 ) {
     let uniform = gpu::buffer_with(gpu, "classify", wgpu::BufferUsages::STORAGE, &[*params]);
     let kernels = Kernels { gpu, buffers, params, uniform: &uniform };
-    let DeviceParticles { positions, radii, counter, radius, .. } = *particles;
-    let words = |bytes: u64| (bytes / 4) as u32;
-    let of = |attribute: Attribute<'_>| [words(attribute.offset), words(attribute.stride)];
+    let (positions, radii, counter) = particles.parts(gpu);
     let source = Source {
-        position: of(positions),
-        radius: radii.map_or([0; 2], of),
+        position: positions.words,
+        radius: radii.map_or([0; 2], |radii| radii.words),
         has_radii: u32::from(radii.is_some()),
-        counter: counter.map_or(0, |counter| words(counter.offset)),
+        counter: counter.map_or(0, |counter| counter.words[0]),
         has_counter: u32::from(counter.is_some()),
-        common_radius: radius,
+        common_radius: particles.radius,
     };
     let source = gpu::buffer_with(gpu, "particles", wgpu::BufferUsages::STORAGE, &[source]);
     let (read, write) = (gpu::storage_of, gpu::storage_read_write);
-    // Something must be bound.
-    let radii = radii.map_or(positions.buffer, |radii| radii.buffer);
-    let counter = counter.map_or(positions.buffer, |counter| counter.buffer);
-    let gathering = kernels.step(
+    // Unused bindings need a buffer too.
+    let (radii, counter) = (radii.unwrap_or(positions), counter.unwrap_or(positions));
+    let gathering = kernels.step_on(
         "classify/members.wgsl",
         &[
-            (gpu::storage::<Source>(), &source),
-            (read(4), positions.buffer),
-            (read(4), radii),
-            (read(4), counter),
-            (write(16), &buffers.places),
-            (write(48), &buffers.splats),
+            (gpu::storage::<Source>(), source.as_entire_binding()),
+            (read(4), positions.resource()),
+            (read(4), radii.resource()),
+            (read(4), counter.resource()),
+            (write(16), buffers.places.as_entire_binding()),
+            (write(48), buffers.splats.as_entire_binding()),
         ],
     );
     // One fluid.
@@ -134,10 +131,19 @@ fn begin(encoder: &mut wgpu::CommandEncoder) -> wgpu::ComputePass<'_> {
 impl<'a> Kernels<'a> {
     /// A kernel's bindings.
     fn step(self, file: &'static str, buffers: &[(wgpu::BindingType, &wgpu::Buffer)]) -> Step<'a> {
-        let params = [(gpu::storage::<Params>(), self.uniform)];
-        let all = params.iter().chain(buffers);
-        let bindings: Vec<_> =
-            all.map(|&(ty, buffer)| (ty, wgpu::Buffer::as_entire_binding(buffer))).collect();
+        let whole =
+            |&(ty, buffer): &(wgpu::BindingType, _)| (ty, wgpu::Buffer::as_entire_binding(buffer));
+        self.step_on(file, &buffers.iter().map(whole).collect::<Vec<_>>())
+    }
+
+    /// As [`Kernels::step`], of parts of buffers.
+    fn step_on(
+        self,
+        file: &'static str,
+        resources: &[(wgpu::BindingType, wgpu::BindingResource<'_>)],
+    ) -> Step<'a> {
+        let params = [(gpu::storage::<Params>(), self.uniform.as_entire_binding())];
+        let bindings = [&params, resources].concat();
         Step { gpu: self.gpu, file, bound: gpu::bind(self.gpu, "classify", &bindings) }
     }
 

@@ -5,12 +5,15 @@ use glam::{DVec3, Vec3};
 
 use crate::liquid::classify::Splat;
 
-/// The splats of particles on the device: one for each, of which some are hidden. The host knows their box.
+/// The splats of particles on the device: one for each, some of them hidden. The host knows only their box.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceSplats {
     /// `array<Splat>` in the order of the particles.
     pub(crate) buffer: wgpu::Buffer,
+    /// Splats of the particles, then copies of them.
     pub(crate) count: u32,
+    /// Particles.
+    pub(crate) members: u32,
     /// Corners of a box around the centres, relative to the splats' origin, m.
     pub(crate) bounds: (DVec3, DVec3),
     /// Greatest semi-axis of a splat, m, and of most splats.
@@ -25,8 +28,8 @@ pub struct DeviceSplats {
 }
 
 impl DeviceSplats {
-    /// Spheres around the corners of the box, as far as splats reach: what holds for each direction for all of these holds
-    /// for the splats.
+    /// Spheres around the corners of the box, as large as splats reach: any directional bound that holds for these spheres
+    /// holds for the splats.
     pub(crate) fn corners(&self) -> [Splat; 8] {
         let (min, max) = self.bounds;
         std::array::from_fn(|i| {
