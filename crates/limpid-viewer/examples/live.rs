@@ -2,7 +2,7 @@
 //!
 //! ```sh
 //! cargo run --release -p limpid-viewer --example live                          # a window
-//! cargo run --release -p limpid-viewer --example live -- live.png 60 20000     # frame 60 of 20,000 particles
+//! cargo run --release -p limpid-viewer --example live -- live.png 24 60000     # frame 24 of 60,000 particles
 //! ```
 //!
 //! The simulation is the moving least squares material point method of Y. Hu et al., "A Moving Least Squares Material Point
@@ -95,7 +95,7 @@ impl Live {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let splats = self.classifier.record(&mut encoder, &particles, &self.scene)?;
         let middle = 0.5 * (min + max);
-        let eye = middle + f64::from(LENGTH) * DVec3::new(turn.sin(), 0.5, turn.cos());
+        let eye = middle + 1.25 * f64::from(LENGTH) * DVec3::new(turn.sin(), 0.45, turn.cos());
         let seen = DVec3::new(middle.x, 0.3 * max.y, middle.z);
         let camera = Camera { eye, target: seen, fov_y: 40.0, ..Camera::fit(min, max) };
         let input = FrameInput::new(&self.scene, &camera, &splats, size);
