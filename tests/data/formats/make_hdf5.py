@@ -50,3 +50,8 @@ with h5py.File(folder / "h5py_bias.h5", "w") as file:
     space, group = h5py.h5s.create_simple(places.shape), file.create_group("PartType0")
     dataset = h5py.h5d.create(group.id, b"Coordinates", kind, space)
     dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, places.astype("f8"))
+
+# One chunk without filters, in a tree that tells its length.
+with h5py.File(folder / "h5py_chunk.h5", "w") as file:
+    numbers = np.random.default_rng(2078400506).random((10, 3)).astype(">f4")
+    file.create_dataset("PartType0/Coordinates", data=numbers, chunks=True)

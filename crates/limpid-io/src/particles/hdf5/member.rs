@@ -52,8 +52,8 @@ pub(super) fn member(name: String, dataset: Dataset) -> Option<Member> {
     Some(Member { name, dataset, shape, grid })
 }
 
-/// Fails if some of these rows of an array have no chunk, or if a chunk is not of the array's grid: the decoder would put
-/// zeros there.
+/// Fails if some of these rows of an array have no chunk, or if a chunk is not of the array's grid or too short: the decoder
+/// would put zeros there.
 pub(super) fn check_chunks(member: &Member, rows: Range<usize>) -> Result<(), String> {
     let dataset = &member.dataset;
     let (Ok(Some(sizes)), false) = (dataset.chunk_shape(), rows.is_empty()) else { return Ok(()) };
@@ -63,12 +63,20 @@ pub(super) fn check_chunks(member: &Member, rows: Range<usize>) -> Result<(), St
     // One kind of index cannot be listed.
     let Ok(chunks) = dataset.chunks() else { return Ok(()) };
     let shape: Vec<u64> = member.shape.iter().map(|&extent| extent as u64).collect();
+    // Filters make chunks of any length.
+    let whole = member.grid.as_ref().filter(|_| dataset.filters().is_empty()).map_or(0, |grid| {
+        sizes.iter().fold(grid.scalar.size() as u64, |bytes, &size| bytes.saturating_mul(size))
+    });
     let mut found = BTreeSet::new();
     for chunk in chunks {
         let mut axes = chunk.offset.iter().zip(&shape).zip(&sizes);
         let inside = |((at, extent), size): ((&u64, &u64), &u64)| at < extent && at % size == 0;
         if !axes.all(inside) {
             return Err(format!("a chunk at {:?} of an array of {shape:?}", chunk.offset));
+        }
+        if chunk.storage_size < whole {
+            let bytes = chunk.storage_size;
+            return Err(format!("a chunk of {bytes} bytes where {whole} are expected"));
         }
         found.insert(chunk.offset);
     }

@@ -227,6 +227,21 @@ fn errors_name_the_array() {
     check_message("a.h5", &claimed, &parts);
 }
 
+/// A chunk that claims fewer bytes than its numbers take: the last one would be made up.
+#[test]
+fn short_chunks_are_damage() {
+    let sound = fs::read(file("h5py_chunk.h5")).unwrap();
+    let contents = parse(&sound, "");
+    assert_eq!(contents.particles.positions[9].z, 0.805_750_8);
+    // In the node of the tree of chunks.
+    let node = sound.windows(5).position(|bytes| bytes == b"TREE\x01").expect("a tree of chunks");
+    let mut short = sound;
+    assert_eq!(short[node + 24], 120);
+    short[node + 24] = 119;
+    let parts = ["a.h5 (PartType0/Coordinates)", "a chunk of 119 bytes where 120 are expected"];
+    check_message("a.h5", &short, &parts);
+}
+
 /// No damage makes the reader panic, run for ever or take memory; the file is named. Half of the files are cut
 /// off, the others have a few changed bytes.
 #[test]
