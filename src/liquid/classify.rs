@@ -377,6 +377,11 @@ impl Cloud {
         if let Some(search) = search {
             self.refine(&mut aggregates, &means, search);
         }
+        self.frame(aggregates, splashes)
+    }
+
+    /// The splats of the cloud.
+    fn frame(&self, aggregates: Vec<Splat>, splashes: Vec<Splat>) -> Splats {
         Splats {
             aggregates,
             splashes,

@@ -89,7 +89,7 @@ pub struct ViewPasses {
     kept_smooth: Option<(SmoothInputs, Arc<Smooth>)>,
 }
 
-/// What the smoothing depends on beside the images.
+/// Inputs of the smoothing beside the images.
 #[derive(Debug, PartialEq)]
 struct SmoothInputs {
     settings: settings::Smooth,

@@ -483,14 +483,6 @@ impl Cloud {
             }
         }
         aggregates.append(&mut spheres);
-        Splats {
-            aggregates,
-            splashes,
-            radius: self.radius,
-            origin: self.origin + self.shift,
-            is_hull: self.is_hull,
-            bulk: None,
-            device: None,
-        }
+        self.frame(aggregates, splashes)
     }
 }

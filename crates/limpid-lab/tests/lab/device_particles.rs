@@ -102,7 +102,7 @@ fn assert_same_bits(a: &FrameImages, b: &FrameImages) {
     }
 }
 
-/// What the tests need; `None` without an adapter.
+/// The shared harness and a classifier; `None` without an adapter.
 fn open() -> Option<(std::sync::MutexGuard<'static, Harness>, Classifier)> {
     let harness = harness()?;
     let classifier = Classifier::new(&harness.gpu).expect("WebGPU's limits");
@@ -391,7 +391,7 @@ fn crowds_are_spheres() {
     assert!((5..200).contains(&covered), "{covered} pixels");
 }
 
-/// What does not fit is refused with the reason, and nothing is recorded.
+/// Buffers that do not fit are refused with the reason, and nothing is recorded.
 #[test]
 fn wrong_buffers_are_refused() {
     let Some((harness, classifier)) = open() else { return };

@@ -96,7 +96,7 @@ pub(super) fn gather(
     gathering.run(&mut begin(encoder), "gather", params.members.div_ceil(SORTING));
 }
 
-/// What the kernels of a frame have in common.
+/// The context shared by a frame's kernels.
 #[derive(Clone, Copy)]
 struct Kernels<'a> {
     gpu: &'a Gpu,
