@@ -9,7 +9,8 @@
 # `--tests` runs the tests of the renderer and the golden frames instead. OUT.md is target/gpu.md by default. The adapter
 # is the one that limpid chooses; WGPU_BACKEND and WGPU_ADAPTER_NAME choose another.
 # LIMPID_REFERENCE is the folder of the reference scenes, default ../shared/reference beside the checkout.
-# LIMPID and LIMPID_PASSES are a program and a bench `passes` that were built elsewhere, for a machine without cargo.
+# LIMPID, LIMPID_PASSES and LIMPID_PARTICLES are a program and the benches `passes` and `particles` that were built elsewhere,
+# for a machine without cargo.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -18,6 +19,7 @@ against=
 size=1024x768
 large=1920x1080
 frames=15
+counts=(40000 million views)
 width=1024
 map=1024
 tests=false
@@ -25,7 +27,10 @@ target=${CARGO_TARGET_DIR:-target}
 out=$target/gpu.md
 while (($#)); do
     case $1 in
-        --quick) quick=(--quick) size=160x120 large=240x135 frames=3 width=160 map=256 ;;
+        --quick)
+            quick=(--quick) size=160x120 large=240x135 frames=3 width=160 map=256
+            counts=(40000 views)
+            ;;
         --against) against=${2:?gpu: --against needs a file} && shift ;;
         --tests) tests=true ;;
         -*)
@@ -59,21 +64,33 @@ if $tests; then
     exit
 fi
 
+# A bench by its name, or by the program that was built elsewhere.
 bench() {
-    local sized=("$@" frames=$frames)
-    if [[ -n ${LIMPID_PASSES-} ]]; then
-        "$LIMPID_PASSES" "${sized[@]}"
+    local name=$1 built=$2
+    shift 2
+    if [[ -n $built ]]; then
+        "$built" "$@" frames=$frames
     else
-        cargo bench --locked --quiet --bench passes -- "${sized[@]}"
+        cargo bench --locked --quiet --bench "$name" -- "$@" frames=$frames
     fi
 }
+passes() { bench passes "${LIMPID_PASSES-}" "$@"; }
 
 front=${LIMPID_REFERENCE-../shared/reference}/scenes/double_dam_break_front.toml
 [[ -f $front ]] || step "without $front: its rows are missing"
 step "frames"
-bench front cascade sims/vase.toml sims/pool.toml million size=$size >"$work/frames"
-bench front refract.samples=4 size=$size >"$work/samples"
-bench front size=$large >"$work/large"
+passes front cascade sims/vase.toml sims/pool.toml million size=$size >"$work/frames"
+passes front refract.samples=4 size=$size >"$work/samples"
+passes front size=$large >"$work/large"
+step "particles that stay on the device, and views"
+bench particles "${LIMPID_PARTICLES-}" "${counts[@]}" size=$size >"$work/particles"
+if [[ -f $front ]]; then
+    step "a film"
+    film() { "$limpid" render "$front" --size $size --frames all -o "$work/film/" -q; }
+    film && rm -r "$work/film"
+    TIMEFORMAT=%R
+    { time film; } 2>"$work/film-seconds"
+fi
 step "each pass against its floor"
 scenes=cascade,vase,pool
 [[ ! -f $front ]] || scenes=$scenes,$front
@@ -84,10 +101,10 @@ step "intersectors"
 step "caustics"
 "$limpid" report --kinds caustics --scenes pool "${quick[@]}" --out "$work/caustics" -q >&2
 
-# Median of a row of the bench's output, of the scene whose name begins so, ms.
+# Median of a row of a bench's output, of the scene whose name or number of particles begins so, ms.
 ms() {
     awk -v scene="$2" -v row="$3" '
-        / particles$/ { here = index($0, scene) == 1 }
+        / particles/ { here = index($0, scene) == 1 }
         here && index($0, row) { sub(row, ""); print $1; exit }' "$work/$1"
 }
 # A column of a row of a Markdown table, by scene, method and the beginning of its settings.
@@ -96,6 +113,7 @@ cell() {
         $2 == "scene" { for (i = 2; i < NF; i++) if ($i == wanted) column = i }
         column && $2 == scene && $3 == method && index($4, settings) == 1 { print $column; exit }' "$1"
 }
+seconds() { [[ ! -f $work/film-seconds ]] || tail -n 1 "$work/film-seconds"; }
 # A line of the table of goals: name, the most, measured, and whether the goal is met.
 goal() {
     awk -v name="$1" -v goal="$2" -v found="${3:-none}" 'BEGIN {
@@ -117,6 +135,13 @@ goals() {
     goal "all passes, \`front\`, $large" 2.0 "$(ms large front "all passes")"
     goal "\`front\`, frame with read-back without its passes" 1 \
         "$(difference "$(ms frames front frame)" "$(ms frames front "all passes")")"
+    goal "40,000 particles from host memory, and the picture back" 3 "$(ms particles 39128 "host to host")"
+    goal "a million from host memory, and the picture back" 8 "$(ms particles 1056000 "host to host")"
+    goal "40,000 on the device, the picture too" 2 "$(ms particles 39128 "device to texture")"
+    goal "a million on the device, the picture too" 5 "$(ms particles 1056000 "device to texture")"
+    goal "classification of a million on the device" 2 "$(ms particles 1056000 classification)"
+    goal "a picture of 128×128 among many views" 1 "$(ms particles "39128 particles, " views)"
+    goal "a film of all frames of \`front\`, s" 0.5 "$(seconds)"
     goal "forward caustics, \`pool\`, map of $map², grid $((map / 2))/2" 0.6 \
         "$(cell "$work/caustics/report.md" pool forward "map $map grid $((map / 2))/2" ms)"
     goal "\`guarded\` on \`pool\`, $width pixels wide" 0.1 "$(cell "$work/intersect/report.md" pool guarded "" ms)"
@@ -144,9 +169,10 @@ goals >"$work/goals"
         compared
         echo
     fi
-    for table in frames samples large; do
+    for table in frames samples large particles; do
         case $table in
             samples) printf 'With `refract.samples=4`:\n\n' ;;
+            particles) printf 'From particles to pictures:\n\n' ;;
             large) printf 'Pictures of %s:\n\n' "$large" ;;
         esac
         printf '```text\n%s\n```\n\n' "$(cat "$work/$table")"
