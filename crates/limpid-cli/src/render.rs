@@ -9,14 +9,16 @@ mod output;
 mod pick;
 mod plan;
 mod queue;
+mod writing;
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::fingerprint::{self, Fingerprints};
+use crate::fingerprint::Fingerprints;
 use glam::UVec2;
 use image::GrayImage;
 use limpid::Error::{Defect, DeviceLost};
@@ -53,6 +55,7 @@ use output::Output;
 use pick::Picked;
 use plan::Plan;
 use queue::{Job, Queue};
+use writing::{DrawnPicture, Writing};
 
 /// Exit code if some frames failed and others did not.
 const FAILED_CODE: u8 = 1;
@@ -302,7 +305,9 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         fingerprints,
         clock,
         classifier: loader.classifier().clone(),
+        most_writing: writing::most(args, &output),
         output,
+        writing: VecDeque::new(),
         overlay,
         stats: Stats { adapter: gpu.adapter(), picked, budget: None, frames: Vec::new() },
         console,
@@ -310,6 +315,10 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         since: Instant::now(),
     };
     let drawn = draw_all(&mut frame_loop, &mut queue, &loader, &mut log);
+    // After a failure too, files that were begun become whole.
+    for Written { picture, .. } in frame_loop.writing.drain(..) {
+        drop(picture.and_then(|(_, writing)| writing.wait()));
+    }
     log.bar.finish_and_clear();
     if let Some(cache) = cache {
         cache.save();
@@ -362,7 +371,7 @@ fn exit_code(failed: Vec<i64>, all: usize, done: &str) -> u8 {
 }
 
 /// Draws the pictures of the queue until it is empty or a signal has been received. While the device
-/// draws a picture, the previous one is written, and the particles of the next are loaded and uploaded.
+/// draws a picture, previous ones are written, and the particles of the next are loaded and uploaded.
 fn draw_all(
     frame_loop: &mut FrameLoop<'_>,
     queue: &mut Queue,
@@ -389,10 +398,11 @@ fn draw_all(
         }
         previous = Some((job, in_flight));
         let interrupted = signals::received().is_some();
-        if (interrupted || next.is_none())
-            && let Some((job, in_flight)) = previous.take()
-        {
-            frame_loop.conclude(job, in_flight, log)?;
+        if interrupted || next.is_none() {
+            if let Some((job, in_flight)) = previous.take() {
+                frame_loop.conclude(job, in_flight, log)?;
+            }
+            frame_loop.settle(0, log)?;
         }
         if interrupted {
             queue.give_back(next);
@@ -423,6 +433,14 @@ struct Submitted {
     radiance: Option<Part>,
 }
 
+/// A picture that was drawn and is being written, or why there is none.
+struct Written {
+    job: Job,
+    /// Time from the picture before to this one, ms.
+    ms: f64,
+    picture: limpid_io::Result<(FrameStats, Writing)>,
+}
+
 /// The times at which particles are drawn.
 struct Clock {
     times: Vec<FrameTime>,
@@ -449,6 +467,9 @@ struct FrameLoop<'a> {
     /// Classifies the particles.
     classifier: SharedClassifier,
     output: Output,
+    /// Pictures that are being written, in order, and the most that there may be.
+    writing: VecDeque<Written>,
+    most_writing: usize,
     /// Scale bar and axes of the pictures.
     overlay: Overlay,
     stats: Stats,
@@ -521,35 +542,63 @@ impl FrameLoop<'_> {
         Motion { velocities: loaded.velocities.clone(), seconds, previous }
     }
 
-    /// Writes a picture, and logs its outcome.
+    /// Waits for a picture, and begins to write it.
     fn conclude(
         &mut self,
         mut job: Job,
         in_flight: limpid_io::Result<FrameInFlight>,
         log: &mut Log,
     ) -> limpid_io::Result<()> {
-        match in_flight.and_then(|in_flight| self.finish(&mut job, in_flight)) {
-            Ok(outcome) => {
-                self.failures = 0;
-                let ms = Some(self.since.elapsed().as_micros() as f64 / 1e3);
-                log.add(&job.shot, job.fingerprint, Status::Done, Outcome { ms, ..outcome })?;
-                log.bar.inc(1);
-            }
-            Err(error) => {
-                let category = error.category();
-                self.failures = if category == Category::Temporary { self.failures + 1 } else { 0 };
-                log.keep_going &= category != Category::Device && self.failures != DEVICE_FAILURES;
-                log.fail(&job.shot, job.fingerprint, error)?;
-                self.output.replace()?;
+        let picture = in_flight.and_then(|in_flight| self.finish(&mut job, in_flight));
+        // A failure may end the run.
+        let most = if picture.is_ok() { self.most_writing } else { 0 };
+        let ms = self.since.elapsed().as_micros() as f64 / 1e3;
+        self.since = Instant::now();
+        self.writing.push_back(Written { job, ms, picture });
+        self.settle(most, log)
+    }
+
+    /// Logs the outcomes of pictures until no more than `most` are being written.
+    fn settle(&mut self, most: usize, log: &mut Log) -> limpid_io::Result<()> {
+        while self.writing.len() > most
+            && let Some(Written { job, ms, picture }) = self.writing.pop_front()
+        {
+            let written = picture.and_then(|(stats, writing)| Ok((stats, writing.wait()?)));
+            match written {
+                Ok((stats, pixels)) => {
+                    self.failures = 0;
+                    let outcome = Outcome {
+                        pixels: Some(format!("{pixels:08x}")),
+                        particles: Some(stats.particles),
+                        ms: Some(ms),
+                        adapter: Some(self.stats.adapter.clone()),
+                        ..Outcome::default()
+                    };
+                    self.stats.frames.push(stats);
+                    log.add(&job.shot, job.fingerprint, Status::Done, outcome)?;
+                    log.bar.inc(1);
+                }
+                Err(error) => {
+                    let category = error.category();
+                    let temporary = category == Category::Temporary;
+                    self.failures = if temporary { self.failures + 1 } else { 0 };
+                    log.keep_going &=
+                        category != Category::Device && self.failures != DEVICE_FAILURES;
+                    log.fail(&job.shot, job.fingerprint, error)?;
+                    self.output.replace()?;
+                }
             }
         }
-        self.since = Instant::now();
         Ok(())
     }
 
-    /// Waits for a picture and writes it. With `--keep-going`, a device that has failed or has rejected
+    /// Waits for a picture and begins to write it. With `--keep-going`, a device that has failed or has rejected
     /// commands is reopened, but only once per picture, so that a persistent failure ends.
-    fn finish(&mut self, job: &mut Job, in_flight: FrameInFlight) -> limpid_io::Result<Outcome> {
+    fn finish(
+        &mut self,
+        job: &mut Job,
+        in_flight: FrameInFlight,
+    ) -> limpid_io::Result<(FrameStats, Writing)> {
         let FrameInFlight { loaded, drawing } = in_flight;
         match drawing.and_then(|drawing| self.write(job, &loaded, drawing)) {
             Err(Error::Render(DeviceLost(_) | Defect(_))) if self.args.keep_going => {
@@ -565,41 +614,32 @@ impl FrameLoop<'_> {
         }
     }
 
-    /// Waits for the device and writes the picture.
+    /// Waits for the device and begins to write the picture.
     fn write(
         &mut self,
         job: &Job,
         loaded: &Loaded,
         Submitted { drawing, rung, images, radiance }: Submitted,
-    ) -> limpid_io::Result<Outcome> {
-        let Self { args, output, overlay, stats, budget, console, .. } = self;
+    ) -> limpid_io::Result<(FrameStats, Writing)> {
+        let Self { output, overlay, budget, console, .. } = self;
         let drawn = drawing.wait()?;
         let is_empty = |coverage: &GrayImage| coverage.iter().all(|&alpha| alpha == 0);
         if loaded.particles > 0 && drawn.coverage.as_ref().is_some_and(is_empty) {
             console.uncovered();
         }
-        if let (Some(_), Some(pictures)) = (&args.aov, output.pictures()) {
-            pictures.write_aovs(&job.shot, images, job.fingerprint)?;
-        }
-        // The picture is written last: if it exists, so do the files that accompany it.
         let passes = drawn.passes.clone();
-        let mut picture = drawn.into_image();
-        overlay.draw(&mut picture, &View::from(&job.shot.camera));
-        output.write(&job.shot, &picture, radiance, job.fingerprint)?;
-        stats.frames.push(FrameStats {
+        let stats = FrameStats {
             frame: job.shot.number,
             set: budget.as_ref().zip(rung).map(|(budget, rung)| budget.set(rung).to_vec()),
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
             total_ms: total_ms(&passes),
             passes,
-        });
-        Ok(Outcome {
-            pixels: Some(format!("{:08x}", fingerprint::checksum(picture.as_bytes()))),
-            particles: Some(loaded.particles),
-            adapter: Some(stats.adapter.clone()),
-            ..Outcome::default()
-        })
+        };
+        let mut picture = drawn.into_image();
+        overlay.draw(&mut picture, &View::from(&job.shot.camera));
+        let drawn = DrawnPicture { picture, radiance, images, fingerprint: job.fingerprint };
+        Ok((stats, Writing::begin(output, job.shot, drawn)?))
     }
 }
 

@@ -22,6 +22,7 @@ use limpid_io::shared_classifier::SharedClassifier;
 
 use super::console::Console;
 use super::output::{self, Output};
+use super::writing::DrawnPicture;
 use super::{Args, plan};
 use crate::fingerprint::{Fingerprint, Fingerprints};
 use crate::{pipeline_cache, signals};
@@ -118,7 +119,11 @@ pub(super) fn run(mut args: Args) -> anyhow::Result<u8> {
             let drawn = drawn.map_err(|error| of_input(error, Path::new(&side.source)))?;
             picture.copy_from(&drawn, left, 0).expect("it fits");
         }
-        output.write(shot, &picture, None, fingerprint(&sides, shot))?;
+        let fingerprint = fingerprint(&sides, shot);
+        output.write(
+            shot,
+            DrawnPicture { picture, radiance: None, images: Vec::new(), fingerprint },
+        )?;
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -2,16 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::fingerprint::Fingerprint;
+use crate::fingerprint::{self, Fingerprint};
 use glam::UVec2;
-use image::{DynamicImage, RgbImage};
-use limpid::aov::{Aov, Part};
+use image::RgbImage;
+use limpid::aov::Aov;
 use limpid_io::Error;
 use limpid_io::exr;
 use limpid_io::film::{Film, Shot};
 use limpid_io::input;
 use limpid_io::output::{self, FileKind, Files, OutputNames, PictureFormat};
 
+use super::writing::DrawnPicture;
 use super::{Args, film_path};
 use crate::standard;
 
@@ -145,30 +146,29 @@ impl Output {
         }
     }
 
-    pub(super) fn write(
-        &mut self,
-        shot: &Shot,
-        picture: &DynamicImage,
-        radiance: Option<Part>,
-        fingerprint: Fingerprint,
-    ) -> limpid_io::Result<()> {
-        match (self, radiance) {
-            (Self::Pictures(pictures), Some(radiance)) => {
-                exr::write_noted(&pictures.path(shot), vec![radiance], fingerprint.exr_note())
-            }
-            (Self::Pictures(pictures), None) => output::write_picture(
-                &pictures.path(shot),
-                picture,
-                &fingerprint.notes(picture.as_bytes()),
-            ),
-            (Self::Film(film), _) => film.push(picture.to_rgb8()),
-            (Self::Standard, _) => {
+    /// Writes a picture, and returns the checksum of its pixels.
+    pub(super) fn write(&mut self, shot: &Shot, drawn: DrawnPicture) -> limpid_io::Result<u32> {
+        let film = match self {
+            Self::Pictures(pictures) => return pictures.write(shot, drawn),
+            Self::Film(film) => Some(film),
+            Self::Standard => None,
+        };
+        let DrawnPicture { picture, fingerprint, .. } = drawn;
+        let pixels = fingerprint::checksum(picture.as_bytes());
+        match film {
+            Some(film) => film.push(picture.into_rgb8())?,
+            None => {
+                let notes = fingerprint.notes(picture.as_bytes());
                 let mut bytes = Vec::new();
-                output::encode_png(&mut bytes, picture, &fingerprint.notes(picture.as_bytes()))
-                    .map_err(|source| Error::Io { path: "-".into(), action: "write", source })?;
-                standard::write(&bytes)
+                output::encode_png(&mut bytes, &picture, &notes).map_err(|source| Error::Io {
+                    path: "-".into(),
+                    action: "write",
+                    source,
+                })?;
+                standard::write(&bytes)?;
             }
         }
+        Ok(pixels)
     }
 
     /// Replaces a picture that failed, where the others depend on it.
@@ -281,14 +281,21 @@ impl Pictures {
             }
     }
 
-    pub(super) fn write_aovs(
-        &self,
-        shot: &Shot,
-        parts: Vec<Part>,
-        fingerprint: Fingerprint,
-    ) -> limpid_io::Result<()> {
-        let fingerprint = fingerprint.with(&listed(self.aovs.as_deref().unwrap_or_default()));
-        exr::write_noted(&aov_path(&self.path(shot)), parts, fingerprint.exr_note())
+    /// Writes a picture, and returns the checksum of its pixels. Intermediate images come first: if the picture exists,
+    /// so do they.
+    pub(super) fn write(&self, shot: &Shot, drawn: DrawnPicture) -> limpid_io::Result<u32> {
+        let DrawnPicture { picture, radiance, images, fingerprint } = drawn;
+        let path = self.path(shot);
+        if let Some(aovs) = self.aovs.as_deref().filter(|_| !images.is_empty()) {
+            let note = fingerprint.with(&listed(aovs)).exr_note();
+            exr::write_noted(&aov_path(&path), images, note)?;
+        }
+        let pixels = picture.as_bytes();
+        match radiance {
+            Some(radiance) => exr::write_noted(&path, vec![radiance], fingerprint.exr_note())?,
+            None => output::write_picture(&path, &picture, &fingerprint.notes(pixels))?,
+        }
+        Ok(fingerprint::checksum(pixels))
     }
 }
 
