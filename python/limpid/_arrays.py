@@ -7,6 +7,8 @@ from typing import Any, Sequence, Union
 import numpy as np
 import numpy.typing as npt
 
+from . import _cuda
+
 # Without types in some versions of NumPy.
 _is_masked: Any = np.ma.is_masked
 
@@ -50,7 +52,7 @@ def integers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray
 
 
 class _OnDevice(ValueError):
-    """An array in memory of a graphics card."""
+    """An array in memory of a graphics card that cannot be copied."""
 
 
 # Kinds of devices of DLPack whose memory the processor reads: its own, and what CUDA and ROCm have pinned.
@@ -58,21 +60,30 @@ _READABLE = (1, 3, 11)
 
 
 def as_array(name: str, value: Any) -> npt.NDArray[Any]:
-    """What NumPy makes of a value; of arrays that only speak DLPack too, without a copy."""
-    if isinstance(value, (np.ndarray, list, tuple)) or hasattr(value, "__array_interface__") or hasattr(value, "__array__"):
+    """What NumPy makes of a value; of arrays that only speak DLPack too, without a copy, and of CUDA's by a copy."""
+    if isinstance(value, (np.ndarray, list, tuple)):
         return np.asarray(value)
-    on_device = hasattr(value, "__cuda_array_interface__")
-    if not on_device and hasattr(value, "__dlpack_device__"):
-        on_device = int(value.__dlpack_device__()[0]) not in _READABLE
-    if on_device:
-        raise _OnDevice(
-            f"{name} is in memory of a graphics card, which limpid does not read; copy it, as {name}.cpu(), {name}.numpy() or "
-            f"cupy.asnumpy({name})"
-        )
+    # Before NumPy's own protocols, which these arrays have to refuse them.
+    if _cuda.is_cuda(value):
+        try:
+            return _cuda.copied(value)
+        except _cuda.CudaError as error:
+            raise _on_device(name, str(error)) from error
+    if hasattr(value, "__array_interface__") or hasattr(value, "__array__"):
+        return np.asarray(value)
+    if hasattr(value, "__dlpack_device__") and int(value.__dlpack_device__()[0]) not in _READABLE:
+        raise _on_device(name, "only those of CUDA are read there")
     if hasattr(value, "__dlpack__"):
         array: npt.NDArray[Any] = np.from_dlpack(value)
         return array
     return np.asarray(value)
+
+
+def _on_device(name: str, why: str) -> _OnDevice:
+    return _OnDevice(
+        f"{name} is in memory of a graphics card and cannot be copied: {why}; copy it first, as {name}.cpu(), {name}.numpy() or "
+        f"cupy.asnumpy({name})"
+    )
 
 
 def shaped(name: str, array: npt.NDArray[Any], shape: tuple[int | str, ...]) -> npt.NDArray[Any]:

@@ -3,7 +3,9 @@ the argument's name, what came and what was expected."""
 
 from __future__ import annotations
 
+import ctypes
 import re
+import subprocess
 
 import numpy as np
 import pytest
@@ -44,17 +46,27 @@ class OnlyDLPack:
     def __init__(self, array, device=(1, 0)):
         self.array, self.device = array, device
 
-    def __dlpack__(self, **keywords):
-        return self.array.__dlpack__(**keywords)
+    def __dlpack__(self, *, stream=None, **_):
+        # What consumers of CUDA's arrays pass, who wait themselves.
+        assert stream == (-1 if self.device[0] == 2 else None)
+        return self.array.__dlpack__()
 
     def __dlpack_device__(self):
         return self.device
 
 
 class OnCard:
-    """An array of CUDA, as of CuPy, Numba and Warp."""
+    """An array of CUDA, as of PyTorch, CuPy, Numba and Warp: NumPy's own protocol refuses it."""
 
-    __cuda_array_interface__ = {"shape": (8, 3), "typestr": "<f4", "data": (1 << 40, False), "version": 3}
+    def __init__(self, array):
+        self.array = array
+
+    @property
+    def __cuda_array_interface__(self):
+        return {**self.array.__array_interface__, "version": 2}
+
+    def __array__(self, *_, **__):
+        raise TypeError("a card's memory")
 
 
 def test_arrays_of_other_libraries_are_read_where_they_are(renderer, ball, scene):
@@ -68,8 +80,78 @@ def test_arrays_of_other_libraries_are_read_where_they_are(renderer, ball, scene
     assert np.array_equal(renderer.render(pinned, scene=scene, radius=0.05, size=SMALL).rgba, expected)
 
 
-@pytest.mark.parametrize("array", [OnCard(), OnlyDLPack(np.zeros((8, 3), np.float32), device=(2, 0))])
-def test_arrays_on_a_card_say_how_to_copy_them(renderer, ball, array):
+# A driver whose card is the processor's memory, with CUDA's signatures. It refuses what a card would: work before `cuInit` or
+# without a context; and a copy before all other work is done.
+DRIVER = """
+#include <string.h>
+static int begun, device, context, current, idle;
+int cuInit(unsigned flags) { begun = 1; return flags; }
+int cuPointerGetAttribute(void *data, int attribute, unsigned long long pointer) {
+    if (!begun || attribute != 9 || !pointer) return 1;
+    *(int *)data = 3;
+    return 0;
+}
+int cuDeviceGet(int *found, int ordinal) { *found = 7; return ordinal == 3 ? 0 : 101; }
+int cuDevicePrimaryCtxRetain(void **found, int wanted) { device = wanted; *found = &context; return device == 7 ? 0 : 101; }
+int cuDevicePrimaryCtxRelease_v2(int given) { device = 0; return given == 7 ? 0 : 101; }
+int cuCtxPushCurrent_v2(void *given) { current = given == &context; return current ? 0 : 201; }
+int cuCtxPopCurrent_v2(void **found) { *found = &context; current = idle = 0; return 0; }
+int cuCtxSynchronize(void) { idle = current; return current ? 0 : 201; }
+int cuMemcpyDtoH_v2(void *to, unsigned long long from, size_t bytes) {
+    if (!idle) return 201;
+    memcpy(to, (void *)from, bytes);
+    return 0;
+}
+int retained(void) { return device || current; }
+"""
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("driver")
+    (folder / "cuda.c").write_text(DRIVER)
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", "libcuda.so.1", "cuda.c"], cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / "libcuda.so.1"))
+
+
+def test_arrays_on_a_card_are_copied(renderer, ball, scene, driver, monkeypatch):
+    from limpid import _cuda
+    from limpid._arrays import integers, numbers
+
+    monkeypatch.setattr(_cuda.ctypes, "CDLL", lambda name: {"libcuda.so.1": driver}[name])
+    rows = np.zeros((len(ball), 7), np.float32)
+    rows[:, 2:5] = ball
+    same = {
+        "an array": OnCard(ball),
+        "columns": OnCard(rows[:, 2:5]),
+        "backwards": OnCard(ball[::-1].copy()[::-1]),
+        "DLPack": OnlyDLPack(ball, device=(2, 0)),
+        "columns of DLPack": OnlyDLPack(rows[:, 2:5], device=(2, 0)),
+    }
+    for kind, array in same.items():
+        copy = numbers("positions", array, ("n", 3))
+        assert np.array_equal(copy, ball), kind
+        assert not np.shares_memory(copy, array.array), kind
+    assert driver.retained() == 0
+    assert np.array_equal(integers("ids", OnCard(np.arange(8)), ("n",)), np.arange(8))
+    assert numbers("positions", OnCard(np.zeros((0, 3), np.float32)), ("n", 3)).shape == (0, 3)
+    expected = renderer.render(ball, scene=scene, radius=0.05, size=SMALL).rgba
+    assert np.array_equal(renderer.render(OnCard(ball), scene=scene, radius=0.05, size=SMALL).rgba, expected)
+    # The driver's own refusals are errors.
+    monkeypatch.setattr(_cuda, "_DEVICE_ORDINAL", 8)
+    with pytest.raises(ValueError, match="cuPointerGetAttribute of NVIDIA's driver fails with the code 1"):
+        renderer.render(OnCard(ball), radius=0.05, size=SMALL)
+
+
+@pytest.mark.parametrize("device", [2, 10])
+def test_arrays_on_a_card_say_how_to_copy_them(renderer, ball, monkeypatch, device):
+    from limpid import _cuda
+
+    def no_driver(name):
+        raise OSError(name)
+
+    monkeypatch.setattr(_cuda.ctypes, "CDLL", no_driver)
+    array = OnlyDLPack(ball, device=(device, 0))
     with pytest.raises(ValueError, match=r"^positions is in memory of a graphics card.*positions\.cpu\(\)"):
         renderer.render(array, radius=0.05, size=SMALL)
     with pytest.raises(ValueError, match=r"^ids is in memory of a graphics card"):
