@@ -6,7 +6,8 @@
 //! - `host to host`: positions are uploaded and the picture is read back;
 //! - `classified by the CPU`: the same by [`classify::classify`], whose splats are uploaded;
 //! - `memory`: what the device has allocated by then, MiB;
-//! - `views`: pictures of 128×128 pixels from different views, ms for each, with 40,000 particles.
+//! - `views`: pictures of 128×128 pixels from different views, ms for each, with 40,000 particles; `recorded`: the host's part
+//!   of that, without submission and reading.
 //!
 //! ```text
 //! cargo bench --bench particles                       40,000 and a million particles, and views
@@ -180,6 +181,20 @@ fn views(subject: &Subject<'_>, options: &Options) -> limpid_io::Result<()> {
     })?;
     println!("\n{} particles, {VIEWS} pictures of {VIEW}", subject.particles.len());
     report("views", ms.map(|ms| ms / VIEWS as f64));
+    let (gpu, renderer) = (subject.gpu, &mut renderer.renderer);
+    let ms = measure(options.frames, || {
+        for &view in &views {
+            let input = FrameInput { view, reuse: true, ..subject.input(&splats, VIEW) };
+            let frame = renderer.prepare(input)?;
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            renderer.record(frame, &mut encoder);
+            drop(encoder.finish());
+        }
+        gpu.queue.submit([]);
+        wait(gpu);
+        Ok(())
+    })?;
+    report("recorded", ms.map(|ms| ms / VIEWS as f64));
     Ok(())
 }
 

@@ -1,12 +1,14 @@
 //! Offscreen renderer, which draws pictures into memory.
 
 use std::borrow::Cow;
+#[cfg(not(target_arch = "wasm32"))]
 use std::collections::VecDeque;
 
 use glam::{UVec2, Vec3};
 use image::{DynamicImage, GrayImage, RgbImage, Rgba, RgbaImage};
 
 use crate::aov::{self, Aov};
+#[cfg(not(target_arch = "wasm32"))]
 use crate::camera::View;
 use crate::error::Result;
 use crate::frame::FrameInput;

@@ -334,6 +334,31 @@ rare("particles are classified on the device too", async () => {
   });
 });
 
+rare("a liquid is simulated and drawn on the device, and a wrong address is told", async () => {
+  const frame = (page, number) => page.waitForFunction((number) => {
+    const note = document.querySelector("p");
+    return note.dataset.frame >= number || !/^(Loading|[0-9])/.test(note.textContent);
+  }, number, { timeout: 180_000 });
+  const pixels = (page) => page.evaluate(() => {
+    const { width, height } = document.querySelector("canvas");
+    return Array.from(document.querySelector("canvas").getContext("2d").getImageData(0, 0, width, height).data);
+  });
+  await visit("/live.html?particles=4000&scale=0.3", async (page) => {
+    await frame(page, 2);
+    const early = await pixels(page);
+    assert.match(await page.textContent("p"), /^4,000 particles, \d+ ms$/);
+    await frame(page, 12);
+    const late = await pixels(page);
+    assert.equal(late.length, 4 * 108 * 84);
+    const changed = early.filter((value, i) => Math.abs(value - late[i]) > 8).length;
+    assert.ok(changed > early.length / 100, `${changed} of ${early.length} values differ after ten frames`);
+  });
+  await visit("/live.html?particles=many", async (page) => {
+    await frame(page, 1);
+    assert.equal(await page.textContent("p"), "particles=many: a number from 1000 to 1000000 expected");
+  });
+});
+
 rare("a lost device, a worker that ends and a lost canvas are replaced", async () => {
   const watched = () => {
     const Native = Worker;

@@ -3,12 +3,19 @@
 
 #![cfg(target_arch = "wasm32")]
 
+#[path = "../../limpid-viewer/examples/live/drawing.rs"]
+mod drawing;
+#[path = "../../limpid-viewer/examples/live/simulation.rs"]
+mod simulation;
+
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use eframe::{WebOptions, WebRunner};
 use glam::UVec2;
 use js_sys::Array;
+use limpid::frame::Picture;
+use limpid::gpu::Gpu;
 use limpid::gpu::shader::{ROOTS, Variant, source};
 use limpid_viewer::web::{Page, PageOptions};
 use wasm_bindgen::prelude::wasm_bindgen;
@@ -156,6 +163,44 @@ impl View {
     #[wasm_bindgen(js_name = loseDevice)]
     pub fn lose_device(&self) {
         self.page.lose_device();
+    }
+}
+
+/// A liquid that is simulated and drawn on the graphics device: only its pictures leave that.
+#[wasm_bindgen]
+pub struct Live {
+    gpu: Gpu,
+    live: drawing::Live,
+    picture: Option<Picture>,
+}
+
+#[wasm_bindgen]
+impl Live {
+    /// Begins a simulation of `count` particles.
+    ///
+    /// # Errors
+    /// Without WebGPU.
+    pub async fn begin(count: u32) -> Result<Self, JsError> {
+        let gpu = Gpu::request().await?;
+        let live = drawing::Live::new(&gpu, count)?;
+        Ok(Self { gpu, live, picture: None })
+    }
+
+    /// Simulates a frame of 1/60 s, and draws it from the angle `turn`, radians: four bytes for each pixel, by rows.
+    ///
+    /// # Errors
+    /// For sizes that the device cannot draw, and once it is lost.
+    pub async fn frame(&mut self, width: u32, height: u32, turn: f64) -> Result<Vec<u8>, JsError> {
+        let size = UVec2::new(width, height).max(UVec2::ONE);
+        let picture = match self.picture.take_if(|picture| picture.size() == size) {
+            Some(picture) => picture,
+            None => Picture::new(&self.gpu, size)?,
+        };
+        self.live.step();
+        self.live.draw(&picture, size, turn)?;
+        let pixels = picture.begin_reading(&self.gpu).ready(&self.gpu).await?;
+        self.picture = Some(picture);
+        Ok(pixels.into_raw())
     }
 }
 

@@ -4,12 +4,16 @@
 //! cd crates/limpid-io/examples/bevy
 //! cargo run                        # with Rust 1.97.1, which Bevy 0.20 asks for
 //! cargo run --ignore-rust-version  # with an older one
+//! cargo run -- live                # a breaking dam that is simulated on the graphics card
 //! ```
 //!
 //! Bevy draws a ground and a cube, lit by a sun, into its own linear colour and depth. Between its opaque and its
 //! transparent pass, the system [`draw_liquid`] has limpid draw the built-in demo around the cube: on Bevy's device,
-//! into Bevy's command encoder. Bevy then goes on with its frame: it tone-maps its colour, and saves `bevy.png`. It
+//! into Bevy's command encoder. With `live`, the particles are simulated there too, and never reach the host. Bevy then goes on with its frame: it tone-maps its colour, and saves `bevy.png`. It
 //! needs no window and no display; a window instead of the picture changes nothing in the system.
+
+#[path = "../../../../limpid-viewer/examples/live/simulation.rs"]
+mod simulation;
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -26,7 +30,7 @@ use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, T
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
 use bevy::render::view::{ExtractedView, Tonemapping, ViewDepthStencilTexture, ViewTarget};
-use bevy::render::{RenderApp, RenderPlugin};
+use bevy::render::{Render, RenderApp, RenderPlugin, RenderSystems};
 use bevy::window::ExitCondition;
 
 use limpid::camera::View;
@@ -34,21 +38,26 @@ use limpid::environment::Environment;
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::host::Host;
-use limpid::liquid::classify::Splats;
+use limpid::liquid::DeviceParticles;
+use limpid::liquid::classify::{Classifier, Splats};
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 // limpid and Bevy use the same wgpu, but not the same glam.
 use limpid::{glam, wgpu};
 
 use limpid_io::input::Input;
+use simulation::Simulation;
 
 /// Bevy's sky, linear.
 const SKY: [f32; 3] = [0.55, 0.7, 0.9];
-/// The frame that is saved: Bevy loads its shaders during the first ones.
-const SAVED_FRAME: u32 = 8;
+/// The frame that is saved: Bevy loads its shaders during the first ones, and the dam takes some to break.
+const SAVED_FRAME: u32 = 24;
+/// Particles of the dam.
+const PARTICLES: u32 = 40_000;
 
 fn main() -> Result<AppExit> {
     let liquid = Liquid::demo()?;
+    let is_live = std::env::args().any(|argument| argument == "live");
     let mut app = App::new();
     app.add_plugins(
         DefaultPlugins
@@ -63,16 +72,20 @@ fn main() -> Result<AppExit> {
     .insert_resource(ClearColor(Color::linear_rgb(SKY[0], SKY[1], SKY[2])))
     .add_systems(Startup, build_world)
     .add_systems(Update, save_picture);
-    app.sub_app_mut(RenderApp).insert_resource(liquid).add_systems(
+    let render_app = app.sub_app_mut(RenderApp);
+    render_app.insert_resource(liquid).add_systems(
         Core3d,
         draw_liquid.after(main_opaque_pass_3d).before(main_transparent_pass_3d),
     );
+    if is_live {
+        render_app.add_systems(Render, simulate.in_set(RenderSystems::PrepareResources));
+    }
     Ok(app.run())
 }
 
 // ---- limpid: what is drawn, and the system that draws it.
 
-/// The liquid of the render world. A program with moving particles replaces the splats in every frame.
+/// The liquid of the render world. A program with moving particles replaces the splats in every frame, as [`simulate`] does.
 #[derive(Resource)]
 struct Liquid {
     scene: Scene,
@@ -91,6 +104,33 @@ impl Liquid {
         scene.settings.refract.transparent = true;
         Ok(Self { scene, splats: loaded.splats })
     }
+}
+
+/// Simulates a frame of the dam, and classifies its particles, on Bevy's device.
+fn simulate(
+    mut liquid: ResMut<Liquid>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut dam: Local<Option<(Simulation, Classifier)>>,
+) -> Result {
+    let (simulation, classifier) = match &mut *dam {
+        Some(dam) => dam,
+        none => {
+            let gpu = Gpu::from_device(device.wgpu_device().clone(), wgpu::Queue::clone(&queue));
+            none.insert((Simulation::new(&gpu, PARTICLES), Classifier::new(&gpu)?))
+        }
+    };
+    let mut encoder = device.wgpu_device().create_command_encoder(&Default::default());
+    simulation.record(&mut encoder);
+    // Around the cube, of which the simulation does not know.
+    let particles = simulation.particles();
+    let (min, max) = particles.bounds;
+    let origin = -0.5 * (min + max).with_y(0.0);
+    let bounds = (min + origin, max + origin);
+    let particles = DeviceParticles { origin, bounds, ..particles };
+    liquid.splats = classifier.record(&mut encoder, &particles, &liquid.scene)?;
+    queue.submit([encoder.finish()]);
+    Ok(())
 }
 
 /// Records the liquid into Bevy's frame, once for each camera, with a renderer of its own: Bevy submits all of

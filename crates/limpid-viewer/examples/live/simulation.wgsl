@@ -1,4 +1,4 @@
-// The kernels of `live.rs`, behind its constants: DX is the side of a cell, m, and DT a step, s.
+// The kernels of `simulation.rs`, behind its constants: DX is the side of a cell, m, and DT a step, s.
 
 struct Particle {
     position: vec3f, // m
