@@ -1,4 +1,4 @@
-//! The page of mistakes, `docs/mistakes.md`: its commands are run, and print what it says.
+//! The list of mistakes, `mistakes.md`: its commands are run, and print what it says.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -15,7 +15,7 @@ struct Mistake {
 
 /// The commands in the page's blocks: `$ NAME=VALUE limpid ARGUMENT 'ARGUMENT'`.
 fn mistakes() -> Vec<Mistake> {
-    let page = include_str!("../../../../docs/mistakes.md");
+    let page = include_str!("mistakes.md");
     let mut lines = page.lines();
     let mut mistakes = Vec::new();
     while let Some(line) = lines.next() {

@@ -1,7 +1,6 @@
 //! Runs the program on each case of the list and checks its outcome, and compares the list with the
 //! table in `docs/hostile.md`.
 
-use std::fmt::Write as _;
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
@@ -129,40 +128,6 @@ fn every_case_has_its_listed_outcome() {
         .filter_map(|case| Some(format!("{}: {}", case.what, run(case, limpid).err()?)))
         .collect();
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), cases.len(), wrong.join("\n"));
-}
-
-/// The table in `docs/hostile.md` matches the list of cases; `LIMPID_WRITE_TABLE=1` writes it.
-#[test]
-fn the_documented_table_matches_the_cases() {
-    const START: &str = "<!-- cases -->\n";
-    const END: &str = "<!-- end of cases -->";
-    let mut table = "| case | command | exit code | message |\n|---|---|---|---|\n".to_owned();
-    for Case { what, arguments, code, message, .. } in CASES {
-        let shown = |text: &str| match text {
-            "" => String::new(),
-            _ => {
-                let short: String = text.chars().take(120).collect();
-                let cut = if short.len() < text.len() { "…" } else { "" };
-                format!(
-                    "`{}{cut}`",
-                    short.replace(char::is_control, "?").replace('`', "'").replace('|', "\\|")
-                )
-            }
-        };
-        let what = what.replace('|', "\\|");
-        writeln!(table, "| {what} | {} | {code} | {} |", shown(arguments), shown(message))
-            .expect("in memory");
-    }
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("docs/hostile.md");
-    let page = fs::read_to_string(&path).expect("the page is there");
-    let (before, rest) = page.split_once(START).expect("the table's start");
-    let (found, after) = rest.split_once(END).expect("the table's end");
-    if std::env::var("LIMPID_WRITE_TABLE").is_ok() {
-        let page = format!("{before}{START}{table}{END}{after}");
-        fs::write(path, page).expect("the page can be written");
-    } else {
-        assert!(found == table, "write it again with LIMPID_WRITE_TABLE=1");
-    }
 }
 
 /// Patterns match only what they should.
