@@ -12,8 +12,8 @@ use limpid_io::film::{Film, Shot};
 use limpid_io::input;
 use limpid_io::output::{self, FileKind, Files, OutputNames, PictureFormat};
 
+use super::Args;
 use super::writing::DrawnPicture;
-use super::{Args, film_path};
 use crate::standard;
 
 /// The destination of the pictures.
@@ -72,7 +72,7 @@ pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
         input::files_of(input).iter().for_each(|path| files.reads(path));
     }
     args.camera_path.iter().chain(&args.views).for_each(|path| files.reads(path));
-    match film_path(args) {
+    match args.film_path() {
         _ if is_standard(args) => check_standard(args, shots.len())?,
         Some(path) => files.writes(path, FileKind::FILM)?,
         None => {
@@ -97,7 +97,7 @@ impl Output {
         if is_standard(args) {
             return Ok(Self::Standard);
         }
-        let Some(path) = film_path(args) else {
+        let Some(path) = args.film_path() else {
             let pictures = Pictures::new(args, count)?;
             if args.alpha && pictures.format == PictureFormat::Jpeg {
                 let problem = "--alpha: a .jpg holds no coverage; write .png, .webp or .exr";

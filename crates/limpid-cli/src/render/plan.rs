@@ -16,7 +16,7 @@ use limpid_io::notice::{self, Notice};
 use limpid_io::open::Request;
 use limpid_io::overlay::Overlay;
 
-use super::{Args, film_path};
+use super::Args;
 use crate::standard;
 
 /// Frame rate if neither the arguments nor the scene have one, frames per second.
@@ -150,7 +150,7 @@ fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
     let gaps = notice::of_sequence(input).filter(|_| all);
     let steps = args.frames.as_ref().filter(|_| !single);
     let steps = steps.and_then(|spec| notice::of_selection(spec, &input.sequence, pictures));
-    let timed = film_path(args).is_some()
+    let timed = args.film_path().is_some()
         || args.speed.is_some()
         || args.camera_path.is_some()
         || args.turntable.is_some();
@@ -177,7 +177,7 @@ pub(super) fn shots(
             format!("--views: {} frames; choose one of them with --frames", numbers.len());
         return Err(Error::Usage(problem));
     }
-    if (motion != Motion::Still || film_path(args).is_some()) && !numbers.is_sorted() {
+    if (motion != Motion::Still || args.film_path().is_some()) && !numbers.is_sorted() {
         let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
         return Err(Error::Usage(format!("--frames: {problem}")));
     }
