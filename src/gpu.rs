@@ -1,5 +1,6 @@
 //! The graphics device, and helpers for creating its resources.
 
+mod adapters;
 mod binding;
 mod commands;
 mod compiled;
@@ -15,8 +16,7 @@ use std::time::Duration;
 
 use glam::UVec2;
 
-use crate::error::{Error, Limited, Result, printable};
-use crate::memory;
+use crate::error::{Error, Limited, Result};
 
 #[doc(hidden)]
 pub use binding::{
@@ -61,9 +61,6 @@ pub struct Gpu {
     grain: Option<Grain>,
 }
 
-/// Memory that opening a device may take, bytes: that of Mesa's software device with its compiler.
-const OPENING_MEMORY: usize = 512 << 20;
-
 /// The first failure of each kind that a device has reported.
 #[derive(Debug, Clone, Default)]
 struct Failure {
@@ -101,7 +98,9 @@ impl Gpu {
             Some(format!("{name}={value}"))
         });
         let selected: Vec<String> = set.collect();
-        Self::open_one(adapters(backends, &wanted).await, &selected.join(" ")).await
+        let found = adapters::list(backends, &wanted).await;
+        let (device, queue) = adapters::open_first(found, &selected.join(" ")).await?;
+        Ok(Self::from_own_device(device, queue))
     }
 
     /// As [`Gpu::headless`], for an adapter whose name contains `wanted`, in any case; the environment is ignored.
@@ -111,30 +110,10 @@ impl Gpu {
     #[cfg(not(target_arch = "wasm32"))]
     pub fn named(wanted: &str) -> Result<Self> {
         pollster::block_on(async {
-            let adapters = adapters(wgpu::Backends::all(), wanted).await;
-            Self::open_one(adapters, &format!("`{wanted}`")).await
+            let found = adapters::list(wgpu::Backends::all(), wanted).await;
+            let (device, queue) = adapters::open_first(found, &format!("`{wanted}`")).await?;
+            Ok(Self::from_own_device(device, queue))
         })
-    }
-
-    /// Opens the first of `adapters` that gives a device; `selected` is what they were selected by, if by anything.
-    async fn open_one(adapters: Vec<wgpu::Adapter>, selected: &str) -> Result<Self> {
-        // Tries adapters in order of preference: a broken driver must not hide a working one.
-        let mut refusal = Error::NoAdapter;
-        if adapters.is_empty() && !selected.is_empty() {
-            refusal = no_match_error(selected).await;
-        }
-        for adapter in adapters {
-            match open(&adapter).await {
-                Ok((device, queue)) => return Ok(Self::from_own_device(device, queue)),
-                Err(problem) => {
-                    let name = adapter.get_info().name;
-                    refusal = Error::Refused { adapter: name, problem };
-                }
-            }
-        }
-        // Lack of memory also makes drivers refuse a device or report no adapter.
-        memory::probe(OPENING_MEMORY, "a graphics device")?;
-        Err(refusal)
     }
 
     /// Wraps a device that limpid opened and records its failures.
@@ -421,78 +400,6 @@ fn error_chain(error: &dyn std::error::Error) -> String {
         cause = error.source();
     }
     text.trim_end_matches('.').to_owned()
-}
-
-/// Error if no adapter is what was `selected`: [`Error::NoMatchingAdapter`], or [`Error::NoAdapter`] if there is
-/// none at all.
-async fn no_match_error(selected: &str) -> Error {
-    let all = adapters(wgpu::Backends::all(), "").await;
-    let all = all.iter().map(wgpu::Adapter::get_info);
-    let found: Vec<String> = all.map(|info| format!("{} ({})", info.name, info.backend)).collect();
-    if found.is_empty() {
-        return Error::NoAdapter;
-    }
-    Error::NoMatchingAdapter { selected: printable(selected.to_owned()), found: found.join(", ") }
-}
-
-/// Lists the adapters of the selected backends whose name contains `wanted`: discrete before integrated
-/// GPUs before software adapters; OpenGL only without any other.
-async fn adapters(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Adapter> {
-    let wanted = wanted.to_lowercase();
-    let mut all = Vec::new();
-    for backends in [wgpu::Backends::PRIMARY, wgpu::Backends::GL] {
-        // OpenGL only as a last resort: it may connect to a window system.
-        if !all.is_empty() {
-            break;
-        }
-        let descriptor = wgpu::InstanceDescriptor {
-            backends: selected & backends,
-            // Lines for debuggers take a sixth of the start of an unoptimised program: `WGPU_DEBUG=1` asks for them.
-            flags: (wgpu::InstanceFlags::from_build_config() - wgpu::InstanceFlags::DEBUG)
-                .with_env(),
-            ..wgpu::InstanceDescriptor::new_without_display_handle_from_env()
-        };
-        all = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;
-        all.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted));
-    }
-    all.sort_by_key(|adapter| match adapter.get_info().device_type {
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Other => 3,
-        wgpu::DeviceType::Cpu => 4,
-    });
-    all
-}
-
-/// Features that limpid uses where available.
-const OPTIONAL: wgpu::Features =
-    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::PIPELINE_CACHE);
-
-/// Opens a device, after checking the requirements beyond WebGPU's core limits: no native-only feature.
-async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), String> {
-    use wgpu::{DownlevelFlags, TextureUsages};
-    let lacks = |what: &str| Err(format!("has no {what}; install a Vulkan driver"));
-    let flags = adapter.get_downlevel_capabilities().flags;
-    if !flags.contains(DownlevelFlags::COMPUTE_SHADERS) {
-        return lacks("compute shaders");
-    }
-    if !flags.contains(DownlevelFlags::INDIRECT_EXECUTION) {
-        return lacks("indirect dispatch");
-    }
-    let planes = adapter.get_texture_format_features(LAYER_FORMAT);
-    let needed = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
-    if !planes.allowed_usages.contains(needed) {
-        return lacks("textures of 32-bit floats that shaders write");
-    }
-    let descriptor = wgpu::DeviceDescriptor {
-        label: Some("limpid"),
-        required_features: adapter.features() & OPTIONAL,
-        // The adapter's own limits, for large pictures and particle sets.
-        required_limits: adapter.limits(),
-        ..Default::default()
-    };
-    adapter.request_device(&descriptor).await.map_err(|e| format!("gives no device: {e}"))
 }
 
 /// Creates a buffer with `contents`, whose size in bytes must be a multiple of 4.
