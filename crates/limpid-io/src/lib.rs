@@ -64,3 +64,8 @@ pub mod shared_classifier;
 mod vtk_lists;
 
 pub use error::{Error, Result};
+
+/// The example of the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;

@@ -21,8 +21,7 @@ use limpid_io::overlay::{self, Overlay};
 use limpid_io::shared_classifier::SharedClassifier;
 
 use super::console::Console;
-use super::output::{self, Output};
-use super::writing::DrawnPicture;
+use super::output::{self, DrawnPicture, Output};
 use super::{Args, plan};
 use crate::fingerprint::{Fingerprint, Fingerprints};
 use crate::{pipeline_cache, signals};

@@ -30,10 +30,10 @@ use super::args::Args;
 use super::budget::{Budget, BudgetStats, total_ms};
 use super::console::Console;
 use super::manifest::{Log, Outcome, Status};
-use super::output::Output;
+use super::output::{DrawnPicture, Output};
 use super::pick::Picked;
 use super::queue::Job;
-use super::writing::{DrawnPicture, Writing};
+use super::writing::Writing;
 use crate::fingerprint::Fingerprints;
 
 /// Number of consecutive failures of the device that ends the run.

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::fingerprint::{self, Fingerprint};
 use glam::UVec2;
-use image::RgbImage;
-use limpid::aov::Aov;
+use image::{DynamicImage, RgbImage};
+use limpid::aov::{Aov, Part};
 use limpid_io::Error;
 use limpid_io::exr;
 use limpid_io::film::{Film, Shot};
@@ -13,8 +13,17 @@ use limpid_io::input;
 use limpid_io::output::{self, FileKind, Files, OutputNames, PictureFormat};
 
 use super::Args;
-use super::writing::DrawnPicture;
 use crate::standard;
+
+/// What is written for a picture.
+pub(super) struct DrawnPicture {
+    pub(super) picture: DynamicImage,
+    /// The linear picture, if it is written.
+    pub(super) radiance: Option<Part>,
+    /// Intermediate images, beside the picture.
+    pub(super) images: Vec<Part>,
+    pub(super) fingerprint: Fingerprint,
+}
 
 /// The destination of the pictures.
 pub(super) enum Output {

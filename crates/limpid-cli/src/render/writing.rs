@@ -2,24 +2,11 @@
 
 use std::thread::JoinHandle;
 
-use crate::fingerprint::Fingerprint;
-use image::DynamicImage;
-use limpid::aov::Part;
 use limpid_io::Error;
 use limpid_io::film::Shot;
 
 use super::Args;
-use super::output::Output;
-
-/// What is written for a picture.
-pub(super) struct DrawnPicture {
-    pub(super) picture: DynamicImage,
-    /// The linear picture, if it is written.
-    pub(super) radiance: Option<Part>,
-    /// Intermediate images, beside the picture.
-    pub(super) images: Vec<Part>,
-    pub(super) fingerprint: Fingerprint,
-}
+use super::output::{DrawnPicture, Output};
 
 /// A picture that is being written, or has been.
 pub(super) enum Writing {

@@ -1,4 +1,4 @@
-//! The list of hostile inputs and their expected outcomes, shown as the table in `docs/hostile.md`.
+//! The list of hostile inputs and their expected outcomes. `docs/hostile.md` has the rules behind them.
 
 use std::fs;
 use std::os::unix::ffi::OsStringExt as _;
@@ -13,7 +13,7 @@ use super::prepare::{
 
 /// A run of the program and its expected outcome.
 pub(crate) struct Case {
-    /// The case in words, for the table.
+    /// The case in words.
     pub(crate) what: &'static str,
     /// The arguments; quotes keep blanks.
     pub(crate) arguments: &'static str,

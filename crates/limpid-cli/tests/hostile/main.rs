@@ -1,7 +1,7 @@
 //! Damaged and malicious files and arguments. Reading any file gives valid particles or a single error
 //! that names the file and the location, never a panic or an endless loop, with no more memory than the
-//! file's length justifies. `docs/hostile.md` lists the outcome of each case. A program of its own, since its
-//! allocator counts all memory of the process.
+//! file's length justifies. `cases.rs` lists the outcome of each case, `docs/hostile.md` the rules. A program of its
+//! own, since its allocator counts all memory of the process.
 
 mod cases;
 mod damage;

@@ -1,5 +1,4 @@
-//! Runs the program on each case of the list and checks its outcome, and compares the list with the
-//! table in `docs/hostile.md`.
+//! Runs the program on each case of the list in `cases.rs` and checks its outcome.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
@@ -78,7 +77,7 @@ fn run(case: &Case, limpid: &Path) -> Result<(), String> {
         _ => assert_cmd::Command::new("sh"),
     };
     command.args(["-c", shell]).arg(limpid).args(words(case.arguments));
-    // The table has errors only.
+    // The list has errors only.
     if case.arguments.starts_with("render") {
         command.arg("--quiet");
     }
