@@ -9,6 +9,7 @@ mod mesh_source;
 mod motion;
 pub mod overrides;
 mod recent;
+mod sections;
 mod solids;
 
 pub use file::FILE_KIND;

@@ -3,13 +3,15 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use super::bodies::{Bodies, BodiesFile};
 use super::motion::SolidMotion;
-use super::solids::{Given, SolidFile, SolidFiles, unit};
+use super::sections::{
+    BackgroundFile, EnvironmentFile, FluidFile, LiquidFile, LoadMap, SettingsFile,
+};
+use super::solids::{Given, SolidFile, SolidFiles};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
 use crate::budget::Budget;
 use crate::camera_axes::CameraAxes;
@@ -18,15 +20,13 @@ use crate::error::{Error, Result, toml_error};
 use crate::files;
 use crate::floor::{Floor, is_ground};
 use crate::output::{FileKind, write_atomically};
-use crate::particles::{AttributeMap, Selection};
 use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
-use limpid::environment::{Environment, Glow, MAX_RADIANCE};
+use limpid::environment::Environment;
 use limpid::liquid::Up;
 use limpid::liquid::particles::drawable;
 use limpid::look::Look;
-use limpid::scene::{Light, Liquid, Scene};
-use limpid::settings::{Caustics, Classify, Layers, Preset, Refract, Settings, Smooth, Tonemap};
+use limpid::scene::{Light, Scene};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -61,90 +61,6 @@ struct SceneFile {
 }
 
 /// A `[background]`.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BackgroundFile {
-    file: PathBuf,
-}
-
-#[derive(Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct LiquidFile {
-    ior: Option<f32>,
-    absorption: Option<Vec3>,
-    color: Option<Vec3>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FluidFile {
-    source: PathBuf,
-    frame: Option<i64>,
-    radius: Option<f32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    up: Option<Up>,
-    fps: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    scale: Option<f64>,
-    #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
-    map: AttributeMap,
-    #[serde(default, skip_serializing_if = "Selection::is_automatic")]
-    select: Selection,
-    absorption: Option<Vec3>,
-    color: Option<Vec3>,
-}
-
-#[derive(Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct SettingsFile {
-    preset: Option<Preset>,
-    classify: Classify,
-    layers: Layers,
-    smooth: Smooth,
-    refract: Refract,
-    caustics: Caustics,
-    tonemap: Tonemap,
-}
-
-#[derive(Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct EnvironmentFile {
-    radiance: Option<Vec3>,
-    gradient: Option<GradientFile>,
-    sky: Option<SkyFile>,
-    map: Option<PathBuf>,
-    scale: Option<f32>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GradientFile {
-    zenith: Vec3,
-    horizon: Vec3,
-    nadir: Option<Vec3>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SkyFile {
-    zenith: Vec3,
-    horizon: Vec3,
-    nadir: Option<Vec3>,
-    #[serde(default)]
-    glow: Vec<GlowFile>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GlowFile {
-    direction: Vec3,
-    radiance: Vec3,
-    sharpness: f32,
-}
-
-/// Reads an environment map.
-type LoadMap = fn(&Path) -> Result<Environment>;
-
 impl Project {
     /// Reads a scene file. Its paths are relative to its folder.
     ///
@@ -587,167 +503,6 @@ fn relative_to(folder: &Path, source: &Path) -> PathBuf {
     let here = if folder == Path::new("") { PathBuf::from(".") } else { folder.to_owned() };
     let source = absolute(source);
     source.strip_prefix(absolute(&here)).unwrap_or(&source).to_owned()
-}
-
-/// The absorption in a file, given directly or as the colour of white light after a metre.
-fn absorption(absorption: Option<Vec3>, color: Option<Vec3>) -> Result<Option<Vec3>, String> {
-    match (absorption, color) {
-        (Some(_), Some(_)) => Err("takes one of absorption and color".into()),
-        (None, Some(color)) if color.cmpgt(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all() => {
-            Ok(Some(color.map(|c| (-c.ln()).max(0.0))))
-        }
-        (None, Some(_)) => Err("color must be above 0 and at most 1: what a metre leaves".into()),
-        (absorption, None) => Ok(absorption),
-    }
-}
-
-impl LiquidFile {
-    fn of(liquid: &Liquid) -> Self {
-        Self { ior: Some(liquid.ior), absorption: Some(liquid.absorption), color: None }
-    }
-
-    fn validated(self) -> Result<Liquid, String> {
-        let default = Liquid::default();
-        let absorption = absorption(self.absorption, self.color)?;
-        Ok(Liquid {
-            ior: self.ior.unwrap_or(default.ior),
-            absorption: absorption.unwrap_or(default.absorption),
-        })
-    }
-}
-
-impl FluidFile {
-    fn of(source: &ParticleSource, absorption: Vec3) -> Self {
-        let ParticleSource { source, frame, radius, up, fps, scale, map, select } = source.clone();
-        let absorption = Some(absorption);
-        Self { source, frame, radius, up, fps, scale, map, select, absorption, color: None }
-    }
-
-    fn validated(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
-        let Self { source, frame, radius, up, fps, scale, map, select, absorption: given, color } =
-            self;
-        let absorption = absorption(given, color)?.unwrap_or(default);
-        Ok((ParticleSource { source, frame, radius, up, fps, scale, map, select }, absorption))
-    }
-}
-
-impl EnvironmentFile {
-    fn of(environment: &Environment, map: Option<&str>) -> Result<Self> {
-        match *environment {
-            Environment::Constant(radiance) => {
-                Ok(Self { radiance: Some(radiance), ..Self::default() })
-            }
-            Environment::Gradient { zenith, horizon, nadir } => {
-                let gradient = GradientFile { zenith, horizon, nadir: Some(nadir) };
-                Ok(Self { gradient: Some(gradient), ..Self::default() })
-            }
-            Environment::Sky { zenith, horizon, nadir, glows } => {
-                let lit = glows.iter().filter(|glow| glow.radiance != Vec3::ZERO);
-                let glow = lit.map(|glow| GlowFile {
-                    direction: glow.direction,
-                    radiance: glow.radiance,
-                    sharpness: glow.sharpness,
-                });
-                let sky = SkyFile { zenith, horizon, nadir: Some(nadir), glow: glow.collect() };
-                Ok(Self { sky: Some(sky), ..Self::default() })
-            }
-            Environment::Map { .. } => {
-                let problem = || Error::Usage("an environment map needs a file of its own".into());
-                Ok(Self { map: Some(map.ok_or_else(problem)?.into()), ..Self::default() })
-            }
-        }
-    }
-
-    fn validated(
-        self,
-        folder: &Path,
-        load_map: LoadMap,
-        given: &[(PathBuf, Environment)],
-        fail: &dyn Fn(String) -> Error,
-    ) -> Result<Environment> {
-        let scale = self.scale.unwrap_or(1.0);
-        if !(scale >= 0.0 && scale.is_finite()) {
-            return Err(fail("[environment] scale must not be negative".into()));
-        }
-        let environment = match (self.radiance, self.gradient, self.sky, self.map) {
-            (None, None, None, None) => Environment::default(),
-            (Some(radiance), None, None, None) => Environment::Constant(radiance),
-            (None, Some(g), None, None) => Environment::Gradient {
-                zenith: g.zenith,
-                horizon: g.horizon,
-                nadir: g.nadir.unwrap_or(g.horizon),
-            },
-            (None, None, Some(sky), None) => {
-                sky.validated().map_err(|e| fail(format!("[environment] sky: {e}")))?
-            }
-            (None, None, None, Some(map)) => match Given::find(given, &map) {
-                Some(map) => map.clone(),
-                None => load_map(&folder.join(map))?,
-            },
-            _ => {
-                let problem = "[environment] takes one of radiance, gradient, sky and map";
-                return Err(fail(problem.into()));
-            }
-        };
-        let environment = environment.scaled(scale);
-        match &environment {
-            Environment::Map { pixels, .. }
-                if pixels.iter().flatten().any(|&c| c > MAX_RADIANCE) =>
-            {
-                Err(fail("[environment] scale makes the map brighter than 1e12".into()))
-            }
-            _ => Ok(environment),
-        }
-    }
-}
-
-impl SkyFile {
-    fn validated(self) -> Result<Environment, String> {
-        let mut glows = [Glow::NONE; 2];
-        if self.glow.len() > glows.len() {
-            return Err(format!("has {} glows, expected at most {}", self.glow.len(), glows.len()));
-        }
-        for (glow, file) in glows.iter_mut().zip(self.glow) {
-            let direction = unit(file.direction).ok_or("a glow's direction must not be zero")?;
-            *glow = Glow { direction, radiance: file.radiance, sharpness: file.sharpness };
-        }
-        let Self { zenith, horizon, nadir, .. } = self;
-        Ok(Environment::Sky { zenith, horizon, nadir: nadir.unwrap_or(horizon), glows })
-    }
-}
-
-impl SettingsFile {
-    fn of(settings: &Settings) -> Self {
-        let Settings { classify, layers, smooth, refract, caustics, tonemap } = settings.clone();
-        Self { preset: None, classify, layers, smooth, refract, caustics, tonemap }
-    }
-
-    /// The settings of the file; those that it does not have are the preset's.
-    fn validated(self, text: &str) -> Result<Settings, toml::de::Error> {
-        let Self { preset, classify, layers, smooth, refract, caustics, tonemap } = self;
-        let Some(preset) = preset else {
-            return Ok(Settings { classify, layers, smooth, refract, caustics, tonemap });
-        };
-        // The text is read again, since the structs do not distinguish given values from defaults.
-        let file: toml::Table = text.parse()?;
-        let given = file.get("settings").and_then(toml::Value::as_table);
-        overlaid(&preset.settings(), given.unwrap_or(&toml::Table::new()))
-    }
-}
-
-/// Replaces the settings that a file's `[settings]` has.
-fn overlaid(settings: &Settings, file: &toml::Table) -> Result<Settings, toml::de::Error> {
-    let mut all = toml::Table::try_from(settings).expect("settings are a table of tables");
-    for (pass, settings) in &mut all {
-        let given = file.get(pass).and_then(toml::Value::as_table);
-        if let (Some(settings), Some(given)) = (settings.as_table_mut(), given) {
-            settings.extend(given.clone());
-        }
-    }
-    if let Some(classify) = all.get_mut("classify").and_then(toml::Value::as_table_mut) {
-        classify.remove("on");
-    }
-    all.try_into()
 }
 
 /// Fails for a vector with too many numbers, as by decimal commas; deserialization would silently use

@@ -1,0 +1,266 @@
+//! The tables of a scene file, and what they say in the renderer's terms.
+
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::ParticleSource;
+use super::solids::{Given, unit};
+use crate::error::{Error, Result};
+use crate::particles::{AttributeMap, Selection};
+use limpid::environment::{Environment, Glow, MAX_RADIANCE};
+use limpid::liquid::Up;
+use limpid::scene::Liquid;
+use limpid::settings::{Caustics, Classify, Layers, Preset, Refract, Settings, Smooth, Tonemap};
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BackgroundFile {
+    pub(super) file: PathBuf,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct LiquidFile {
+    pub(super) ior: Option<f32>,
+    pub(super) absorption: Option<Vec3>,
+    pub(super) color: Option<Vec3>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FluidFile {
+    pub(super) source: PathBuf,
+    pub(super) frame: Option<i64>,
+    pub(super) radius: Option<f32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) up: Option<Up>,
+    pub(super) fps: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) scale: Option<f64>,
+    #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
+    pub(super) map: AttributeMap,
+    #[serde(default, skip_serializing_if = "Selection::is_automatic")]
+    pub(super) select: Selection,
+    pub(super) absorption: Option<Vec3>,
+    pub(super) color: Option<Vec3>,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct SettingsFile {
+    pub(super) preset: Option<Preset>,
+    pub(super) classify: Classify,
+    pub(super) layers: Layers,
+    pub(super) smooth: Smooth,
+    pub(super) refract: Refract,
+    pub(super) caustics: Caustics,
+    pub(super) tonemap: Tonemap,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EnvironmentFile {
+    pub(super) radiance: Option<Vec3>,
+    pub(super) gradient: Option<GradientFile>,
+    pub(super) sky: Option<SkyFile>,
+    pub(super) map: Option<PathBuf>,
+    pub(super) scale: Option<f32>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GradientFile {
+    pub(super) zenith: Vec3,
+    pub(super) horizon: Vec3,
+    pub(super) nadir: Option<Vec3>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SkyFile {
+    pub(super) zenith: Vec3,
+    pub(super) horizon: Vec3,
+    pub(super) nadir: Option<Vec3>,
+    #[serde(default)]
+    pub(super) glow: Vec<GlowFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GlowFile {
+    pub(super) direction: Vec3,
+    pub(super) radiance: Vec3,
+    pub(super) sharpness: f32,
+}
+
+/// Reads an environment map.
+pub(super) type LoadMap = fn(&Path) -> Result<Environment>;
+
+/// The absorption in a file, given directly or as the colour of white light after a metre.
+pub(super) fn absorption(
+    absorption: Option<Vec3>,
+    color: Option<Vec3>,
+) -> Result<Option<Vec3>, String> {
+    match (absorption, color) {
+        (Some(_), Some(_)) => Err("takes one of absorption and color".into()),
+        (None, Some(color)) if color.cmpgt(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all() => {
+            Ok(Some(color.map(|c| (-c.ln()).max(0.0))))
+        }
+        (None, Some(_)) => Err("color must be above 0 and at most 1: what a metre leaves".into()),
+        (absorption, None) => Ok(absorption),
+    }
+}
+
+impl LiquidFile {
+    pub(super) fn of(liquid: &Liquid) -> Self {
+        Self { ior: Some(liquid.ior), absorption: Some(liquid.absorption), color: None }
+    }
+
+    pub(super) fn validated(self) -> Result<Liquid, String> {
+        let default = Liquid::default();
+        let absorption = absorption(self.absorption, self.color)?;
+        Ok(Liquid {
+            ior: self.ior.unwrap_or(default.ior),
+            absorption: absorption.unwrap_or(default.absorption),
+        })
+    }
+}
+
+impl FluidFile {
+    pub(super) fn of(source: &ParticleSource, absorption: Vec3) -> Self {
+        let ParticleSource { source, frame, radius, up, fps, scale, map, select } = source.clone();
+        let absorption = Some(absorption);
+        Self { source, frame, radius, up, fps, scale, map, select, absorption, color: None }
+    }
+
+    pub(super) fn validated(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
+        let Self { source, frame, radius, up, fps, scale, map, select, absorption: given, color } =
+            self;
+        let absorption = absorption(given, color)?.unwrap_or(default);
+        Ok((ParticleSource { source, frame, radius, up, fps, scale, map, select }, absorption))
+    }
+}
+
+impl EnvironmentFile {
+    pub(super) fn of(environment: &Environment, map: Option<&str>) -> Result<Self> {
+        match *environment {
+            Environment::Constant(radiance) => {
+                Ok(Self { radiance: Some(radiance), ..Self::default() })
+            }
+            Environment::Gradient { zenith, horizon, nadir } => {
+                let gradient = GradientFile { zenith, horizon, nadir: Some(nadir) };
+                Ok(Self { gradient: Some(gradient), ..Self::default() })
+            }
+            Environment::Sky { zenith, horizon, nadir, glows } => {
+                let lit = glows.iter().filter(|glow| glow.radiance != Vec3::ZERO);
+                let glow = lit.map(|glow| GlowFile {
+                    direction: glow.direction,
+                    radiance: glow.radiance,
+                    sharpness: glow.sharpness,
+                });
+                let sky = SkyFile { zenith, horizon, nadir: Some(nadir), glow: glow.collect() };
+                Ok(Self { sky: Some(sky), ..Self::default() })
+            }
+            Environment::Map { .. } => {
+                let problem = || Error::Usage("an environment map needs a file of its own".into());
+                Ok(Self { map: Some(map.ok_or_else(problem)?.into()), ..Self::default() })
+            }
+        }
+    }
+
+    pub(super) fn validated(
+        self,
+        folder: &Path,
+        load_map: LoadMap,
+        given: &[(PathBuf, Environment)],
+        fail: &dyn Fn(String) -> Error,
+    ) -> Result<Environment> {
+        let scale = self.scale.unwrap_or(1.0);
+        if !(scale >= 0.0 && scale.is_finite()) {
+            return Err(fail("[environment] scale must not be negative".into()));
+        }
+        let environment = match (self.radiance, self.gradient, self.sky, self.map) {
+            (None, None, None, None) => Environment::default(),
+            (Some(radiance), None, None, None) => Environment::Constant(radiance),
+            (None, Some(g), None, None) => Environment::Gradient {
+                zenith: g.zenith,
+                horizon: g.horizon,
+                nadir: g.nadir.unwrap_or(g.horizon),
+            },
+            (None, None, Some(sky), None) => {
+                sky.validated().map_err(|e| fail(format!("[environment] sky: {e}")))?
+            }
+            (None, None, None, Some(map)) => match Given::find(given, &map) {
+                Some(map) => map.clone(),
+                None => load_map(&folder.join(map))?,
+            },
+            _ => {
+                let problem = "[environment] takes one of radiance, gradient, sky and map";
+                return Err(fail(problem.into()));
+            }
+        };
+        let environment = environment.scaled(scale);
+        match &environment {
+            Environment::Map { pixels, .. }
+                if pixels.iter().flatten().any(|&c| c > MAX_RADIANCE) =>
+            {
+                Err(fail("[environment] scale makes the map brighter than 1e12".into()))
+            }
+            _ => Ok(environment),
+        }
+    }
+}
+
+impl SkyFile {
+    pub(super) fn validated(self) -> Result<Environment, String> {
+        let mut glows = [Glow::NONE; 2];
+        if self.glow.len() > glows.len() {
+            return Err(format!("has {} glows, expected at most {}", self.glow.len(), glows.len()));
+        }
+        for (glow, file) in glows.iter_mut().zip(self.glow) {
+            let direction = unit(file.direction).ok_or("a glow's direction must not be zero")?;
+            *glow = Glow { direction, radiance: file.radiance, sharpness: file.sharpness };
+        }
+        let Self { zenith, horizon, nadir, .. } = self;
+        Ok(Environment::Sky { zenith, horizon, nadir: nadir.unwrap_or(horizon), glows })
+    }
+}
+
+impl SettingsFile {
+    pub(super) fn of(settings: &Settings) -> Self {
+        let Settings { classify, layers, smooth, refract, caustics, tonemap } = settings.clone();
+        Self { preset: None, classify, layers, smooth, refract, caustics, tonemap }
+    }
+
+    /// The settings of the file; those that it does not have are the preset's.
+    pub(super) fn validated(self, text: &str) -> Result<Settings, toml::de::Error> {
+        let Self { preset, classify, layers, smooth, refract, caustics, tonemap } = self;
+        let Some(preset) = preset else {
+            return Ok(Settings { classify, layers, smooth, refract, caustics, tonemap });
+        };
+        // The text is read again, since the structs do not distinguish given values from defaults.
+        let file: toml::Table = text.parse()?;
+        let given = file.get("settings").and_then(toml::Value::as_table);
+        overlaid(&preset.settings(), given.unwrap_or(&toml::Table::new()))
+    }
+}
+
+/// Replaces the settings that a file's `[settings]` has.
+pub(super) fn overlaid(
+    settings: &Settings,
+    file: &toml::Table,
+) -> Result<Settings, toml::de::Error> {
+    let mut all = toml::Table::try_from(settings).expect("settings are a table of tables");
+    for (pass, settings) in &mut all {
+        let given = file.get(pass).and_then(toml::Value::as_table);
+        if let (Some(settings), Some(given)) = (settings.as_table_mut(), given) {
+            settings.extend(given.clone());
+        }
+    }
+    if let Some(classify) = all.get_mut("classify").and_then(toml::Value::as_table_mut) {
+        classify.remove("on");
+    }
+    all.try_into()
+}
