@@ -86,6 +86,8 @@ pub mod passes;
 pub mod renderer;
 pub mod scene;
 pub mod settings;
+#[doc(hidden)]
+pub mod sims;
 mod up_axis;
 mod view_range;
 

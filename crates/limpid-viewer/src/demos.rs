@@ -47,14 +47,14 @@ pub static DEMOS: [Demo; 4] = [
         name: "lagoon",
         title: "Lagoon",
         about: "bodies in and on clear water, in the sun",
-        scene: include_str!("../../../sims/lagoon.toml"),
+        scene: limpid::sims::LAGOON,
         picture: include_bytes!("../demos/lagoon.jpg"),
     },
     Demo {
         name: "vase",
         title: "Vase",
         about: "water in the shape of a vase, and its caustics",
-        scene: include_str!("../../../sims/vase.toml"),
+        scene: limpid::sims::VASE,
         picture: include_bytes!("../demos/vase.jpg"),
     },
 ];
@@ -70,8 +70,8 @@ pub(crate) const FIRST_SOURCE: &str = "demos/demo.toml";
 /// Its files.
 #[cfg(target_arch = "wasm32")]
 const FIRST: [(&str, &[u8]); 2] = [
-    ("demos/demo.toml", include_bytes!("../../../sims/demo.toml")),
-    ("demos/demo.bgeo", include_bytes!("../../../sims/demo.bgeo")),
+    ("demos/demo.toml", limpid::sims::DEMO.as_bytes()),
+    ("demos/demo.bgeo", limpid::sims::DEMO_PARTICLES),
 ];
 
 /// Gives the files of all demos to all who read files.

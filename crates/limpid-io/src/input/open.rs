@@ -53,11 +53,11 @@ impl Input {
     /// # Errors
     /// None: a test loads the demo.
     pub fn demo() -> Result<Self> {
-        let text = include_str!("../../../../sims/demo.toml");
+        let text = limpid::sims::DEMO;
         let project = Project::parse(text, "demo", Path::new(""))?;
         let particles = project.source.files().first().cloned();
         let particles = particles.expect("the demo names its particles");
-        let demo = include_bytes!("../../../../sims/demo.bgeo").as_slice();
+        let demo = limpid::sims::DEMO_PARTICLES;
         let fluid = Fluid {
             radius: particles.radius,
             radius_from: RadiusFrom::Scene,

@@ -10,6 +10,7 @@ use crate::reference::mesh::{Mesh, Reconstruction};
 use limpid::camera::Camera;
 use limpid::liquid::particles::Particles;
 use limpid::scene::Scene;
+use limpid::sims;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::{FrameTime, Input, Loaded};
 use limpid_io::project::Project;
@@ -18,18 +19,18 @@ use limpid_sim::recipe::Recipe;
 
 /// The scenes of `sims/` that a report measures.
 const RECIPES: [(&str, &str); 12] = [
-    ("pool", include_str!("../../../../sims/pool.toml")),
-    ("reef", include_str!("../../../../sims/reef.toml")),
-    ("drop", include_str!("../../../../sims/drop.toml")),
-    ("slab", include_str!("../../../../sims/slab.toml")),
-    ("idol", include_str!("../../../../sims/idol.toml")),
-    ("breaker", include_str!("../../../../sims/breaker.toml")),
-    ("cascade", include_str!("../../../../sims/cascade.toml")),
-    ("lagoon", include_str!("../../../../sims/lagoon.toml")),
-    ("glass_ball", include_str!("../../../../sims/glass_ball.toml")),
-    ("vase", include_str!("../../../../sims/vase.toml")),
+    ("pool", sims::POOL),
+    ("reef", sims::REEF),
+    ("drop", sims::DROP),
+    ("slab", sims::SLAB),
+    ("idol", sims::IDOL),
+    ("breaker", sims::BREAKER),
+    ("cascade", sims::CASCADE),
+    ("lagoon", sims::LAGOON),
+    ("glass_ball", sims::GLASS_BALL),
+    ("vase", sims::VASE),
     ("demo", ""),
-    ("dam", include_str!("../../../../sims/dam.toml")),
+    ("dam", sims::DAM),
 ];
 
 /// A scene, its particles, and their true surface.
