@@ -14,7 +14,7 @@ hypothesis = pytest.importorskip("hypothesis")
 from hypothesis import HealthCheck, given, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 
-#: Calls; a longer run is documented in docs/python.md.
+#: Calls; 100,000 make a long run.
 CALLS = int(os.environ.get("LIMPID_CALLS", "1000"))
 
 numbers = st.one_of(

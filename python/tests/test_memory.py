@@ -8,7 +8,7 @@ import pytest
 
 import limpid
 
-#: Calls; the long run of docs/python.md has 10,000.
+#: Calls; 10,000 make a long run.
 CALLS = int(os.environ.get("LIMPID_CALLS", "1000"))
 
 

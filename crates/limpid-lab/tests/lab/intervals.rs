@@ -1,6 +1,6 @@
 //! Intervals of liquid along straight rays, found by occupancy on the device, by peeling on the CPU, and not at
 //! all: how far each is from the true surface. With `--nocapture` and `LIMPID_REFERENCE` it prints the
-//! reference scenes' table of docs/accuracy.md.
+//! reference scenes' table.
 
 use glam::{DVec3, UVec2};
 use limpid::camera::Camera;
