@@ -81,6 +81,19 @@ bevy() {
     cargo check --locked --ignore-rust-version --manifest-path "$manifest"
 }
 
+# As they would be published; in a folder of their own, since cargo takes them for ones that never change.
+packages() {
+    local built=$CARGO_TARGET_DIR/packages
+    rm -rf "$built"
+    CARGO_TARGET_DIR=$built cargo publish --dry-run --locked --workspace --exclude limpid-python --exclude limpid-web
+    rm -rf "$built"
+}
+
+site() {
+    has_python_index || return 0
+    scripts/site.sh
+}
+
 page() {
     has_browser || return 0
     scripts/web.sh
@@ -102,6 +115,8 @@ step opengl "the other tests in OpenGL"
 step lints "the program without its window"
 step advisories "known flaws of what limpid depends on"
 step bevy "the example in Bevy"
+step packages "crates, as they would be published"
+step site "the pages as a site, and links between them"
 step page "the page as it is shipped, all tests in a browser"
 step python "fuzzing and memory, PyVista, the notebook and Blender"
 
