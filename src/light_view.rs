@@ -148,30 +148,9 @@ impl LightView {
         // Depth range that contains all solids and the liquid.
         let mut z = liquid.map(|x| x.z).to_vec();
         let reach = MAX_REACH * extent;
-        for solid in solids {
-            match solid.shape {
-                Shape::Mesh { ref mesh, placement } => {
-                    let (middle, radius) = (
-                        placement.world_from_mesh(mesh.origin()),
-                        placement.scale * f64::from(mesh.reach()),
-                    );
-                    z.extend([view(middle).z - radius, view(middle).z + radius]);
-                }
-                Shape::Box { min, max } => z.extend(corners(min, max).map(|x| view(x).z)),
-                Shape::Sphere { center, radius } => {
-                    let radius = f64::from(radius);
-                    z.extend([view(center).z - radius, view(center).z + radius]);
-                }
-                Shape::Plane { origin: at, normal, .. } => {
-                    // Intersections of the view's corner rays with the plane.
-                    let (at, normal) = (view(at), view_from_world * normal.as_dvec3());
-                    z.extend(corners_of(low, high).map(|c| {
-                        let along = (at - c.extend(0.0)).dot(normal) / normal.z;
-                        if along.is_finite() { along } else { 0.0 }
-                    }));
-                }
-            }
-        }
+        z.extend(
+            solids.iter().flat_map(|solid| depths(solid, view_from_world, origin, (low, high))),
+        );
         let z = z.iter().map(|z| z.clamp(-reach, reach));
         let top = z.clone().fold(f64::NEG_INFINITY, f64::max);
         let bottom = z.fold(f64::INFINITY, f64::min);
@@ -303,6 +282,35 @@ impl LightView {
         }
         let ndc = 2.0 * u / size - 1.0;
         area / (1.0 + (ndc * self.half_extent).length_squared()).powf(1.5)
+    }
+}
+
+/// Depths that a solid reaches in an orthographic view of the rectangle `low` to `high`, m: those of the corners or ends.
+fn depths(
+    solid: &Solid,
+    view_from_world: DMat3,
+    origin: DVec3,
+    (low, high): (DVec2, DVec2),
+) -> Vec<f64> {
+    let view = |x: DVec3| view_from_world * (x - origin);
+    let around = |centre: DVec3, radius: f64| {
+        let middle = view(centre).z;
+        vec![middle - radius, middle + radius]
+    };
+    match solid.shape {
+        Shape::Mesh { ref mesh, placement } => {
+            let middle = placement.world_from_mesh(mesh.origin());
+            around(middle, placement.scale * f64::from(mesh.reach()))
+        }
+        Shape::Box { min, max } => corners(min, max).map(|x| view(x).z).to_vec(),
+        Shape::Sphere { center, radius } => around(center, radius.into()),
+        Shape::Plane { origin: at, normal, .. } => {
+            // Intersections of the view's corner rays with the plane.
+            let (at, normal) = (view(at), view_from_world * normal.as_dvec3());
+            let along = |corner: DVec2| (at - corner.extend(0.0)).dot(normal) / normal.z;
+            let depth = |corner| Some(along(corner)).filter(|z| z.is_finite()).unwrap_or(0.0);
+            corners_of(low, high).map(depth).to_vec()
+        }
     }
 }
 

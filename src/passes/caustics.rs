@@ -250,13 +250,12 @@ impl Caustics {
         output: Output<'_>,
         span: Span<'_>,
     ) {
-        let Self { pipelines, buffers, .. } = self;
+        let buffers = &self.buffers;
         let (gpu, params) = (commands.gpu, inputs.params);
         let uniform = |label: &str, bytes: &[u8]| gpu::buffer_with(gpu, label, gpu::UNIFORM, bytes);
         let refract = refract::Params::new(scene, &scene.settings.refract, radius);
         let refract = uniform("light view", bytemuck::bytes_of(&refract));
-        let view = |texture: &wgpu::Texture| gpu::layer_view(texture, 0);
-        let planes = view(&inputs.gbuffer.planes);
+        let planes = gpu::layer_view(&inputs.gbuffer.planes, 0);
         let splash = inputs.splash.unwrap_or(inputs.aggregate);
         let texture = wgpu::BindingResource::TextureView;
         let light_view = gpu::bind_group(
@@ -273,117 +272,14 @@ impl Caustics {
                 texture(inputs.mixture.unwrap_or(&planes)),
             ],
         );
-        let (grid, landings) = (&buffers.grid, &buffers.landings);
-        let [map, receivers] =
-            [output.map, output.receivers].map(|t| gpu::layer_view(t, output.layer));
-        let gathered = view(&buffers.gathered);
-        let blur = buffers.blur.as_ref().filter(|_| params.blur > 0.0);
-        let blur = blur.map(|between| between.each_ref().map(view));
-        // Layers of the maps are written one at a time but never read that way: OpenGL lacks such views.
-        let unblurred = blur.as_ref().map_or(&map, |[unblurred, _]| unblurred);
-
+        let views = Views::of(buffers, &inputs, output);
         commands.encoder.clear_buffer(&buffers.sums, 0, None);
         commands.encoder.clear_buffer(&buffers.large, 0, Some(4));
-        let vertices = UVec2::from_array(params.cells) + 1;
         let work =
             Work::new(&scene.settings.caustics, buffers.size, params.blur, scene.solids.len());
-        let layouts = &self.layouts;
-        let resources = vec![grid.as_entire_binding()];
-        let start = |pipeline| Step {
-            pipeline,
-            group_index: 3,
-            layout: &layouts.grid,
-            resources,
-            extent: vertices,
-            work: work.grid,
-        };
-        let mut steps = Vec::new();
-        match &pipelines.tracing {
-            MethodPipelines::Straight => {}
-            MethodPipelines::Forward { grid: first, trace, deposit, deposit_large } => {
-                steps.push(start(first));
-                let resources = vec![grid.as_entire_binding(), landings.as_entire_binding()];
-                let layout = &layouts.forward;
-                steps.push(Step {
-                    pipeline: trace,
-                    group_index: 3,
-                    layout,
-                    resources,
-                    extent: vertices,
-                    work: work.trace,
-                });
-                let resources = vec![
-                    grid.as_entire_binding(),
-                    landings.as_entire_binding(),
-                    texture(&planes),
-                    buffers.sums.as_entire_binding(),
-                    buffers.large.as_entire_binding(),
-                ];
-                let (layout, cells) = (&layouts.deposit, vertices - 1);
-                let large = Step {
-                    pipeline: deposit_large,
-                    group_index: 1,
-                    layout,
-                    resources: resources.clone(),
-                    // Of a workgroup each, whose number of threads differs.
-                    extent: UVec2::new(large_groups(gpu).0 * gpu::TILE, gpu::TILE),
-                    work: work.deposit,
-                };
-                steps.push(Step {
-                    pipeline: deposit,
-                    group_index: 1,
-                    layout,
-                    resources,
-                    extent: cells,
-                    work: work.deposit,
-                });
-                steps.push(large);
-            }
-            MethodPipelines::Gather { grid: first, walk } => {
-                steps.push(start(first));
-                let resources = vec![grid.as_entire_binding(), texture(&gathered)];
-                let layout = &layouts.gather;
-                steps.push(Step {
-                    pipeline: walk,
-                    group_index: 3,
-                    layout,
-                    resources,
-                    extent: buffers.size,
-                    work: work.gather,
-                });
-            }
-        }
-        let resources = vec![
-            buffers.sums.as_entire_binding(),
-            texture(&gathered),
-            texture(unblurred),
-            texture(&receivers),
-        ];
-        let (resolve, layout) = (&pipelines.resolve, &layouts.resolve);
-        steps.push(Step {
-            pipeline: resolve,
-            group_index: 3,
-            layout,
-            resources,
-            extent: buffers.size,
-            work: work.resolve,
-        });
-        if let Some([unblurred, across]) = &blur {
-            for (blur, (from, to)) in
-                pipelines.blur.iter().zip([(unblurred, across), (across, &map)])
-            {
-                let resources = vec![texture(from), texture(&planes), texture(to)];
-                let layout = &layouts.blur;
-                steps.push(Step {
-                    pipeline: blur,
-                    group_index: 1,
-                    layout,
-                    resources,
-                    extent: buffers.size,
-                    work: work.blur,
-                });
-            }
-        }
+        let cells = UVec2::from_array(params.cells);
+        let mut steps = self.traced(gpu, &views, work, cells);
+        steps.extend(self.resolved(&views, work));
 
         let most = gpu.most_work();
         let pieces = |step| Step::pieces(step, most);
@@ -408,6 +304,122 @@ impl Caustics {
     /// Output of `gather` for the last light: irradiance and state.
     pub fn gathered(&self) -> &wgpu::Texture {
         &self.buffers.gathered
+    }
+
+    /// Kernels that find where light lands, of a grid of `cells`.
+    fn traced<'a>(
+        &'a self,
+        gpu: &Gpu,
+        views: &'a Views,
+        work: Work,
+        cells: UVec2,
+    ) -> Vec<Step<'a>> {
+        let Self { layouts, buffers, .. } = self;
+        let (grid, landings) =
+            (buffers.grid.as_entire_binding(), buffers.landings.as_entire_binding());
+        let texture = wgpu::BindingResource::TextureView;
+        let vertices = cells + 1;
+        let begun = |pipeline| Step {
+            pipeline,
+            group_index: 3,
+            layout: &layouts.grid,
+            resources: vec![buffers.grid.as_entire_binding()],
+            extent: vertices,
+            work: work.grid,
+        };
+        match &self.pipelines.tracing {
+            MethodPipelines::Straight => Vec::new(),
+            MethodPipelines::Forward { grid: first, trace, deposit, deposit_large } => {
+                let traced = Step {
+                    pipeline: trace,
+                    group_index: 3,
+                    layout: &layouts.forward,
+                    resources: vec![grid.clone(), landings.clone()],
+                    extent: vertices,
+                    work: work.trace,
+                };
+                let (sums, large) = (&buffers.sums, &buffers.large);
+                let (sums, large) = (sums.as_entire_binding(), large.as_entire_binding());
+                let resources = vec![grid, landings, texture(&views.planes), sums, large];
+                let deposited = |pipeline, extent| Step {
+                    pipeline,
+                    group_index: 1,
+                    layout: &layouts.deposit,
+                    resources: resources.clone(),
+                    extent,
+                    work: work.deposit,
+                };
+                // Of a workgroup for each large cell, whose number of threads differs.
+                let groups = UVec2::new(large_groups(gpu).0 * gpu::TILE, gpu::TILE);
+                let large = deposited(deposit_large, groups);
+                vec![begun(first), traced, deposited(deposit, cells), large]
+            }
+            MethodPipelines::Gather { grid: first, walk } => {
+                let walked = Step {
+                    pipeline: walk,
+                    group_index: 3,
+                    layout: &layouts.gather,
+                    resources: vec![grid, texture(&views.gathered)],
+                    extent: buffers.size,
+                    work: work.gather,
+                };
+                vec![begun(first), walked]
+            }
+        }
+    }
+
+    /// Kernels that make the map of the sums, and blur it.
+    fn resolved<'a>(&'a self, views: &'a Views, work: Work) -> Vec<Step<'a>> {
+        let Self { layouts, pipelines, buffers, .. } = self;
+        let texture = wgpu::BindingResource::TextureView;
+        let Views { planes, gathered, map, receivers, blur } = views;
+        // Layers of the maps are written one at a time but never read that way: OpenGL lacks such views.
+        let unblurred = blur.as_ref().map_or(map, |[unblurred, _]| unblurred);
+        let sums = buffers.sums.as_entire_binding();
+        let mut steps = vec![Step {
+            pipeline: &pipelines.resolve,
+            group_index: 3,
+            layout: &layouts.resolve,
+            resources: vec![sums, texture(gathered), texture(unblurred), texture(receivers)],
+            extent: buffers.size,
+            work: work.resolve,
+        }];
+        if let Some([unblurred, across]) = blur {
+            let ways = [(unblurred, across), (across, map)];
+            steps.extend(pipelines.blur.iter().zip(ways).map(|(pipeline, (from, to))| Step {
+                pipeline,
+                group_index: 1,
+                layout: &layouts.blur,
+                resources: vec![texture(from), texture(planes), texture(to)],
+                extent: buffers.size,
+                work: work.blur,
+            }));
+        }
+        steps
+    }
+}
+
+/// Views of the textures that the kernels read and write.
+struct Views {
+    planes: wgpu::TextureView,
+    gathered: wgpu::TextureView,
+    map: wgpu::TextureView,
+    receivers: wgpu::TextureView,
+    /// The map before the blur, and after the blur along one axis; if it is blurred.
+    blur: Option<[wgpu::TextureView; 2]>,
+}
+
+impl Views {
+    fn of(buffers: &Buffers, inputs: &Inputs<'_>, output: Output<'_>) -> Self {
+        let view = |texture: &wgpu::Texture| gpu::layer_view(texture, 0);
+        let blur = buffers.blur.as_ref().filter(|_| inputs.params.blur > 0.0);
+        Self {
+            planes: view(&inputs.gbuffer.planes),
+            gathered: view(&buffers.gathered),
+            map: gpu::layer_view(output.map, output.layer),
+            receivers: gpu::layer_view(output.receivers, output.layer),
+            blur: blur.map(|between| between.each_ref().map(view)),
+        }
     }
 }
 

@@ -66,11 +66,8 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     let fingerprints = Fingerprints::new(&input, &frame_times, &scene, args.size, moves);
     let fingerprints = fingerprints.under(&overlay);
     let host = gethostname::gethostname().to_string_lossy().into_owned();
-    let claims = pictures.clone().filter(|_| args.claim).map(|pictures| {
-        let version = env!("CARGO_PKG_VERSION");
-        let owner = format!("limpid {version} on {host}, process {}\n", std::process::id());
-        (Claims::new(owner, Duration::from_secs(args.claim_timeout)), pictures)
-    });
+    let claims = pictures.clone().filter(|_| args.claim);
+    let claims = claims.map(|pictures| (claims_of(args, &host), pictures));
     let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
     let keep_going = args.keep_going;
     let bar = crate::terminal::progress(shots.len());
@@ -140,6 +137,13 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         return Ok(code);
     }
     Ok(finish(frame_loop, log.failed, requested)?)
+}
+
+/// Claims in the name of this process.
+fn claims_of(args: &Args, host: &str) -> Claims {
+    let version = env!("CARGO_PKG_VERSION");
+    let owner = format!("limpid {version} on {host}, process {}\n", std::process::id());
+    Claims::new(owner, Duration::from_secs(args.claim_timeout))
 }
 
 /// Finishes the output of a run of `requested` frames, and prints what was written.

@@ -42,50 +42,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     let source = FileBytes { path, bytes, text: false };
     let budget = reading.budget;
     let document = Document::read(source, reading)?;
-    let mut merged: Vec<Merged<'_>> = Vec::new();
     let points_of_cells = document.points_of_cells(budget);
     let mut ignored = document.ignored.clone();
-    for array in &document.arrays {
-        if array.section == Section::CellData && points_of_cells.is_none() {
-            ignore(&mut ignored, array.name.clone(), [array.rows, array.size]);
-            continue;
-        }
-        // Arrays may share their bytes, so nothing in the file bounds the sum.
-        let (scalar, data) = match document.decode(array, budget) {
-            // Only its values would have been listed.
-            Err(_) if array.section != Section::Points && !reading.wants(&array.name) => {
-                ignore(&mut ignored, array.name.clone(), [array.rows, array.size]);
-                continue;
-            }
-            decoded => decoded?,
-        };
-        source.take(budget, array.read_bytes(reading), array.start)?;
-        // A piece has one array of points, which may have any name.
-        let same = |m: &&mut Merged<'_>| {
-            m.section == array.section && (m.section == Section::Points || m.name == array.name)
-        };
-        match merged.iter_mut().find(same) {
-            None => merged.push(Merged {
-                name: &array.name,
-                section: array.section,
-                scalar,
-                size: array.size,
-                rows: array.rows,
-                start: array.start,
-                data,
-            }),
-            Some(first) if first.scalar == scalar && first.size == array.size => {
-                first.rows += array.rows;
-                memory::probe(first.data.len() + data.len(), path.display())?;
-                first.data.to_mut().extend_from_slice(&data);
-            }
-            Some(_) => {
-                let problem = format!("array {} has another type in another piece", array.name);
-                return Err(source.error(array.start, problem));
-            }
-        }
-    }
-
+    let has_cells = points_of_cells.is_some();
+    let mut merged = merge(&document, source, reading, has_cells, &mut ignored)?;
     let mut contents: Option<Contents> = None;
     // Points may follow their attributes, and attributes of points go before those of cells.
     merged.sort_by_key(|array| array.section);
@@ -132,6 +92,60 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
             Err(source.error(document.end, problem))
         }
     }
+}
+
+/// The arrays of all pieces, each as one. Arrays of cells that are no points are `ignored`, and unreadable ones that nothing
+/// needs.
+fn merge<'a>(
+    document: &'a Document<'a>,
+    source: FileBytes<'_>,
+    reading: &Reading<'_>,
+    has_cells: bool,
+    ignored: &mut Vec<(String, [usize; 2])>,
+) -> Result<Vec<Merged<'a>>> {
+    let budget = reading.budget;
+    let mut merged: Vec<Merged<'a>> = Vec::new();
+    for array in &document.arrays {
+        if array.section == Section::CellData && !has_cells {
+            ignore(ignored, array.name.clone(), [array.rows, array.size]);
+            continue;
+        }
+        // Arrays may share their bytes, so nothing in the file bounds the sum.
+        let (scalar, data) = match document.decode(array, budget) {
+            // Only its values would have been listed.
+            Err(_) if array.section != Section::Points && !reading.wants(&array.name) => {
+                ignore(ignored, array.name.clone(), [array.rows, array.size]);
+                continue;
+            }
+            decoded => decoded?,
+        };
+        source.take(budget, array.read_bytes(reading), array.start)?;
+        // A piece has one array of points, which may have any name.
+        let same = |m: &&mut Merged<'_>| {
+            m.section == array.section && (m.section == Section::Points || m.name == array.name)
+        };
+        match merged.iter_mut().find(same) {
+            None => merged.push(Merged {
+                name: &array.name,
+                section: array.section,
+                scalar,
+                size: array.size,
+                rows: array.rows,
+                start: array.start,
+                data,
+            }),
+            Some(first) if first.scalar == scalar && first.size == array.size => {
+                first.rows += array.rows;
+                memory::probe(first.data.len() + data.len(), source.path.display())?;
+                first.data.to_mut().extend_from_slice(&data);
+            }
+            Some(_) => {
+                let problem = format!("array {} has another type in another piece", array.name);
+                return Err(source.error(array.start, problem));
+            }
+        }
+    }
+    Ok(merged)
 }
 
 /// Lists an array that is not read, together with those of the same name in other pieces.

@@ -3,6 +3,7 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
@@ -26,7 +27,7 @@ use limpid::environment::Environment;
 use limpid::liquid::Up;
 use limpid::liquid::particles::drawable;
 use limpid::look::Look;
-use limpid::scene::{Light, Scene};
+use limpid::scene::{Light, Liquid, Scene, Solid};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -122,21 +123,11 @@ impl Project {
         check_vectors("", &toml::Value::Table(table.clone())).map_err(fail)?;
         let mut automatic = automatic(&file, &table);
         let floor = file.floor.as_ref().map(floor).transpose().map_err(fail)?;
-        let mut solids = Vec::new();
         let mut solid_files = SolidFiles::with(given);
-        let mut motion = SolidMotion::default();
         let budget = Budget::of_meshes();
-        for (number, solid) in (1..).zip(file.solid) {
-            let fail = |problem: String| fail(format!("[[solid]] {number}: {problem}"));
-            let (solid, moves) = solid.load(folder, &mut solid_files, &budget, &fail)?;
-            motion.push(solids.len(), moves);
-            solids.push(solid);
-        }
-        if let Some(bodies) = &file.rigid_bodies {
-            let (bodies, shown) = Bodies::open(bodies, folder, &mut solid_files.remarks, &budget)?;
-            motion.set_bodies(solids.len(), bodies);
-            solids.extend(shown);
-        }
+        let (given, bodies) = (std::mem::take(&mut file.solid), file.rigid_bodies.as_ref());
+        let loaded = load_solids(given, bodies, folder, &mut solid_files, &budget, &fail)?;
+        let (mut solids, motion) = loaded;
         if file.simulation.is_some() && !motion.is_empty() {
             let problem = "[simulation] takes solids that stand still: bake without [[solid.key]], meshes of \
                 several frames and [rigid_bodies], and draw the baked frames as [particles] of a scene with them";
@@ -168,40 +159,9 @@ impl Project {
             return Err(fail(problem.into()));
         }
         let liquid = file.liquid.validated().map_err(|e| fail(format!("[liquid] {e}")))?;
-        let mut fluids = Vec::new();
-        let mut sources = Vec::new();
-        for (number, fluid) in (1..).zip(file.fluid) {
-            let fluid = fluid.validated(liquid.absorption);
-            let (source, absorption) =
-                fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?;
-            sources.push(source);
-            fluids.push(absorption);
-        }
-        let mut source = match (file.particles, file.recipe, file.simulation) {
-            (Some(particles), ..) => LiquidSource::File(particles),
-            (_, Some(recipe), _) => LiquidSource::Recipe(recipe),
-            (.., Some(simulation)) => LiquidSource::Simulation(simulation),
-            _ if !sources.is_empty() => LiquidSource::Fluids(sources),
-            _ => LiquidSource::Unspecified,
-        };
-        let single = matches!(source, LiquidSource::File(_));
-        for (number, p) in (1..).zip(source.files_mut()) {
-            let table =
-                if single { "[particles]".to_owned() } else { format!("[[fluid]] {number}:") };
-            if let Some(radius) = p.radius.filter(|&radius| !drawable(radius)) {
-                let problem = format!("{table} radius is {radius:?}, expected 1e-12 to 1e12 m");
-                return Err(fail(problem));
-            }
-            if p.fps.is_some_and(|fps| !(fps > 0.0 && fps.is_finite())) {
-                return Err(fail(format!("{table} fps must be above 0")));
-            }
-            if p.scale.is_some_and(|scale| !is_scale(scale)) {
-                return Err(fail(format!("{table} scale must be 1e-12 to 1e12")));
-            }
-            if !p.source.as_os_str().is_empty() {
-                p.source = folder.join(&p.source);
-            }
-        }
+        let fluids = std::mem::take(&mut file.fluid);
+        let alone = (file.particles, file.recipe, file.simulation);
+        let (source, fluids) = liquid_source(alone, fluids, &liquid, folder, &fail)?;
         let given = &solid_files.given().environments;
         let environment =
             file.environment.unwrap_or_default().validated(folder, load_map, given, &fail)?;
@@ -355,6 +315,72 @@ impl Project {
 /// The kind of scene files.
 pub const FILE_KIND: FileKind =
     FileKind::new("a scene", |file| files::read_text(file.path).is_ok_and(|text| is_scene(&text)));
+
+/// The solids of a file, and how they move.
+fn load_solids(
+    given: Vec<SolidFile>,
+    bodies: Option<&BodiesFile>,
+    folder: &Path,
+    files: &mut SolidFiles,
+    budget: &Budget,
+    fail: &dyn Fn(String) -> Error,
+) -> Result<(Vec<Solid>, SolidMotion)> {
+    let (mut solids, mut motion) = (Vec::new(), SolidMotion::default());
+    for (number, solid) in (1..).zip(given) {
+        let fail = |problem: String| fail(format!("[[solid]] {number}: {problem}"));
+        let (solid, moves) = solid.load(folder, files, budget, &fail)?;
+        motion.push(solids.len(), moves);
+        solids.push(solid);
+    }
+    if let Some(bodies) = bodies {
+        let (bodies, shown) = Bodies::open(bodies, folder, &mut files.remarks, budget)?;
+        motion.set_bodies(solids.len(), bodies);
+        solids.extend(shown);
+    }
+    Ok((solids, motion))
+}
+
+/// Where a file's liquid comes from, one of the first three or `fluids`, and the absorptions of these.
+fn liquid_source(
+    alone: (Option<ParticleSource>, Option<Recipe>, Option<Simulation>),
+    fluids: Vec<FluidFile>,
+    liquid: &Liquid,
+    folder: &Path,
+    fail: &dyn Fn(String) -> Error,
+) -> Result<(LiquidSource, Vec<Vec3>)> {
+    let (mut sources, mut absorptions) = (Vec::new(), Vec::new());
+    for (number, fluid) in (1..).zip(fluids) {
+        let fluid = fluid.validated(liquid.absorption);
+        let (source, absorption) = fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?;
+        sources.push(source);
+        absorptions.push(absorption);
+    }
+    let mut source = match alone {
+        (Some(particles), ..) => LiquidSource::File(particles),
+        (_, Some(recipe), _) => LiquidSource::Recipe(recipe),
+        (.., Some(simulation)) => LiquidSource::Simulation(simulation),
+        _ if !sources.is_empty() => LiquidSource::Fluids(sources),
+        _ => LiquidSource::Unspecified,
+    };
+    let single = matches!(source, LiquidSource::File(_));
+    for (number, p) in (1..).zip(source.files_mut()) {
+        let table = if single { "[particles]".to_owned() } else { format!("[[fluid]] {number}:") };
+        if let Some(radius) = p.radius.filter(|&radius| !drawable(radius)) {
+            let problem = format!("{table} radius is {radius:?}, expected 1e-12 to 1e12 m");
+            return Err(fail(problem));
+        }
+        if p.fps.is_some_and(|fps| !(fps > 0.0 && fps.is_finite())) {
+            return Err(fail(format!("{table} fps must be above 0")));
+        }
+        if p.scale.is_some_and(|scale| !is_scale(scale)) {
+            return Err(fail(format!("{table} scale must be 1e-12 to 1e12")));
+        }
+        if !p.source.as_os_str().is_empty() {
+            p.source = folder.join(&p.source);
+        }
+    }
+    Ok((source, absorptions))
+}
 
 /// Whether a text is a scene file, independent of the files that it refers to.
 fn is_scene(text: &str) -> bool {
