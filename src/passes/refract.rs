@@ -3,6 +3,8 @@
 //! The shader is specialised for the frame's features (splashes, absorption, solids that liquid can wet),
 //! for the intersector and for all loop counts; each specialisation is compiled once and kept.
 
+mod variant;
+
 use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
 use wgpu::BindingResource::TextureView;
@@ -15,7 +17,8 @@ use super::{Layers, Radiance};
 use crate::environment::EvenLight;
 use crate::gpu::{self, Bound, Commands, Gpu, Pending, Span};
 use crate::scene::{Scene, Shape, Solid};
-use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
+use crate::settings::{self, Solver};
+pub use variant::Variant;
 
 /// `Params` of `refract/interfaces.wgsl`.
 #[repr(C)]
@@ -41,148 +44,6 @@ pub struct Params {
     pub eye_depth: f32,
     /// Padding: uniforms come in blocks of 16 bytes.
     pub pad_eye_depth: [u32; 3],
-}
-
-/// One specialisation of the shader.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Variant {
-    /// The intersector.
-    pub solver: Solver,
-    /// `newton` reads mip levels.
-    pub filter: bool,
-    /// Pixels between samples of `march`.
-    pub stride: u32,
-    /// Iterations of `newton` and `secant`.
-    pub iterations: u32,
-    /// Rays per pixel.
-    pub samples: u32,
-    /// Only pixels whose picture has structure get as many, all others one.
-    pub adaptive: bool,
-    /// Rays per background pixel that contains an edge.
-    pub edge_samples: u32,
-    /// The frame has splashes.
-    pub splash: bool,
-    /// The intersector reads the bounds of the layers.
-    pub bounds: bool,
-    /// The liquid absorbs.
-    pub absorption: bool,
-    /// The fluids differ in absorption.
-    pub mixture: bool,
-    /// The reflectance formula.
-    pub fresnel: Fresnel,
-    /// Scale radiance by the square of the index.
-    pub radiance_scaling: bool,
-    /// The liquid can wet a solid.
-    pub contact: bool,
-    /// How rays outside the liquid find the solids.
-    pub solids: Solids,
-    /// What reflected rays hit.
-    pub reflections: Reflections,
-    /// A host has drawn the opaque scene.
-    pub host: bool,
-    /// The scene has a background picture.
-    pub background: bool,
-    /// The environment covers no pixel.
-    pub transparent: bool,
-    /// Gaps between liquid and liquid that a pixel distinguishes.
-    pub gaps: u32,
-    /// Write the diagnostics.
-    pub count: bool,
-}
-
-impl Variant {
-    /// The variant with the fewest features that draws a frame.
-    pub fn new(scene: &Scene, splash: bool, gaps: u32, host: bool, count: bool) -> Self {
-        let settings = &scene.settings.refract;
-        let iterates = matches!(settings.solver, Solver::Newton | Solver::Secant);
-        Self {
-            solver: settings.solver,
-            // Settings that an intersector does not read must not create variants of it.
-            filter: settings.filter && settings.solver == Solver::Newton,
-            stride: if settings.solver == Solver::March { settings.stride } else { 1 },
-            iterations: if iterates { settings.iterations } else { 0 },
-            samples: settings.samples,
-            adaptive: settings.samples > 1 && settings.structure > 0.0,
-            edge_samples: settings.edge_samples,
-            splash,
-            bounds: settings.solver == Solver::Guarded,
-            absorption: mixture::strongest(scene) > 0.0,
-            mixture: mixture::is_mixed(scene),
-            fresnel: settings.fresnel,
-            radiance_scaling: settings.radiance_scaling,
-            contact: settings.contact > 0.0 && (host || !scene.solids.is_empty()),
-            solids: if host || scene.solids.is_empty() { Solids::Exact } else { settings.solids },
-            reflections: settings.reflections,
-            host,
-            background: scene.background.is_some() && !host,
-            transparent: settings.transparent,
-            gaps,
-            count,
-        }
-    }
-
-    pub fn shader(self) -> &'static str {
-        match self.solver {
-            Solver::Guarded => "refract/guarded.wgsl",
-            Solver::March => "refract/march.wgsl",
-            Solver::Newton => "refract/newton.wgsl",
-            Solver::Secant => "refract/secant.wgsl",
-            Solver::Plane => "refract/plane.wgsl",
-            Solver::Plane3 => "refract/plane3.wgsl",
-            Solver::Single => "refract/single.wgsl",
-        }
-    }
-
-    /// The variant of the first rays of all pixels.
-    fn first(self) -> Self {
-        match self.adaptive {
-            true => Self {
-                samples: 1,
-                adaptive: false,
-                edge_samples: self.edge_samples.max(self.samples),
-                ..self
-            },
-            false => self,
-        }
-    }
-
-    /// Whether its intersector reads mip levels of the layers.
-    pub fn mips(self) -> bool {
-        self.filter || self.solver == Solver::Plane3
-    }
-
-    pub fn constants(self) -> Vec<(&'static str, f64)> {
-        let mut constants = self.switches().to_vec();
-        constants.push(("SAMPLES", self.samples.into()));
-        constants.push(("EDGE_SAMPLES", self.edge_samples.into()));
-        constants.push(("ITERATIONS", self.iterations.into()));
-        constants.push(("GAPS", self.gaps.into()));
-        match self.solver {
-            Solver::Newton => constants.push(("FILTER", f64::from(u8::from(self.filter)))),
-            Solver::Guarded => constants.push(("BOUNDS", f64::from(u8::from(self.bounds)))),
-            Solver::March => constants.push(("STRIDE", self.stride.into())),
-            _ => {}
-        }
-        constants
-    }
-
-    fn switches(self) -> [(&'static str, f64); 12] {
-        [
-            ("SPLASH", self.splash),
-            ("ABSORPTION", self.absorption),
-            ("MIXTURE", self.mixture),
-            ("SCHLICK", self.fresnel == Fresnel::Schlick),
-            ("RADIANCE_SCALING", self.radiance_scaling),
-            ("CONTACT", self.contact),
-            ("SCREEN_SOLIDS", self.solids == Solids::Screen),
-            ("REFLECT_SOLIDS", self.reflections == Reflections::Scene),
-            ("HOST", self.host),
-            ("BACKGROUND", self.background),
-            ("TRANSPARENT", self.transparent),
-            ("COUNT", self.count),
-        ]
-        .map(|(name, on)| (name, f64::from(u8::from(on))))
-    }
 }
 
 /// Bytes before a list of pixels: the number of them, of rays and of fallbacks.

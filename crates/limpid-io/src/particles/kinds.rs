@@ -94,3 +94,48 @@ const KINDS: &[(&[&str], &str)] = &[
     ),
     (&[".las", ".laz", ".e57", ".pcd"], "a point cloud of a scanner: convert it to .ply"),
 ];
+
+/// The kind of a file that begins so, in words, if its magic is known.
+pub(super) fn known_magic(bytes: &[u8]) -> Option<&'static str> {
+    // At least four bytes each, since shorter ones may occur in the first float of an .xyz file.
+    const MAGIC: [(&[u8], &str); 27] = [
+        (b"\x7fNSJ", "Houdini's new geometry format (call it .bgeo)"),
+        (b"scf1", "a Blosc-compressed file of Houdini (call it .bgeo.sc)"),
+        (b"BgeoV", "a BGEO file"),
+        (b"PGEOMETRY", "Houdini's classic geometry in text (save it as .bgeo)"),
+        (b"\x1f\x8b\x08\x00", "gzip data (unpack it first)"),
+        (b"\x1f\x8b\x08\x08", "gzip data (unpack it first)"),
+        (b"# vtk DataFile", "a legacy VTK file"),
+        (b"<?xml", "XML, perhaps VTK's (call it .vtu or .vtp)"),
+        (b"<VTKFile", "VTK's XML format (call it .vtu or .vtp)"),
+        (b"ply\n", "a PLY file"),
+        (b"ply\r\n", "a PLY file"),
+        (b"\x93NUMPY", "a NumPy array"),
+        (b"PK\x03\x04", "a zip or npz archive (call it .npz if NumPy wrote it)"),
+        (b"solid ", "an STL mesh, which holds triangles"),
+        (b"\x89HDF", "an HDF5 file (call it .h5)"),
+        (b"Ogawa", "an Alembic file"),
+        (b"PXR-USDC", "a USD file"),
+        (b"#usda", "a USD file"),
+        (b"#FileJBD", "a file of DualSPHysics (call it .bi4)"),
+        (super::prt::MAGIC, "particles of Krakatoa (call it .prt)"),
+        (b"BLENDER", "a scene of Blender"),
+        (b"glTF", "a glTF mesh"),
+        (b"Kaydara FBX", "an FBX mesh"),
+        (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive (unpack it first)"),
+        (b"PAR1", "an Apache Parquet file"),
+        (b"\x89PNG", "a PNG picture"),
+        (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
+    ];
+    if stl_length(bytes) == Some(bytes.len() as u64) {
+        return Some("a binary STL mesh, which holds triangles");
+    }
+    MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|&(_, kind)| kind)
+}
+
+/// The length of a file with this start if it is binary STL, which has no magic, but a length
+/// determined by its number of triangles.
+pub(super) fn stl_length(start: &[u8]) -> Option<u64> {
+    let triangles = start.get(80..)?.first_chunk().map(|&count| u32::from_le_bytes(count))?;
+    Some(84 + 50 * u64::from(triangles))
+}
