@@ -42,8 +42,7 @@ impl Writing {
         };
         let write = move || pictures.write(&shot, drawn);
         let thread = std::thread::Builder::new().name("writing".into()).spawn(write);
-        let fail = |source| Error::Io { path: "a thread".into(), action: "start", source };
-        thread.map(Self::Begun).map_err(fail)
+        thread.map(Self::Begun).map_err(Error::Threads)
     }
 
     /// Waits for the picture: the checksum of its pixels.
