@@ -12,7 +12,9 @@ from ._limpid import Camera, __version__
 from ._particles import Particles, bake, read, write
 from ._picture import Images, Picture, flip
 from ._renderer import Film, Renderer, render
-from ._scene import (
+from ._scene import Scene, Settings
+from ._vtk import from_pyvista_camera, from_vtk
+from ._world import (
     Box,
     Checker,
     Glow,
@@ -22,13 +24,10 @@ from ._scene import (
     Mesh,
     Plane,
     PointLight,
-    Scene,
-    Settings,
     Sky,
     Sphere,
     Sun,
 )
-from ._vtk import from_pyvista_camera, from_vtk
 
 __all__ = [
     "Box",

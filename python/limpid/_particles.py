@@ -14,7 +14,7 @@ import numpy.typing as npt
 from . import _limpid
 from ._arrays import numbers, particle_arrays, radius_of
 from ._errors import LimpidWarning
-from ._scene import PathLike
+from ._world import PathLike
 
 #: Arguments by the names that attributes have in files.
 _ARGUMENTS = {"velocity": "velocities", "density": "densities", "id": "ids", "ellipsoid": "ellipsoids"}

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from . import _limpid
 from ._errors import Error
 from ._limpid import Camera
-from ._scene import PathLike, Scene
+from ._scene import Scene
+from ._world import PathLike
 
 Pixels = npt.NDArray[np.uint8]
 

@@ -22,7 +22,8 @@ from ._errors import Error, LimpidWarning
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture
-from ._scene import PathLike, Scene
+from ._scene import Scene
+from ._world import PathLike
 
 SceneLike = Union[Scene, PathLike]
 
