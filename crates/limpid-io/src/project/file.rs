@@ -112,6 +112,9 @@ impl Project {
         let at_line = |e: toml::de::Error| toml_error(text, origin, &e);
         let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
         let mut table = DeTable::parse(text).map_err(at_line)?;
+        // With what the structs do not tell: which keys are given.
+        let given_keys = toml::Table::deserialize(toml::Deserializer::from(table.clone()));
+        let given_keys = given_keys.map_err(at_line)?;
         let processor = take_processor(table.get_mut()).map_err(at_line)?;
         let (camera_axes, view_axes) = take_camera_axes(table.get_mut()).map_err(at_line)?;
         let mut file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(at_line)?;
@@ -119,9 +122,8 @@ impl Project {
         for (view, axes) in file.view.iter_mut().zip(view_axes) {
             view.axes = axes.of(Some(&view.camera));
         }
-        let table: toml::Table = text.parse().map_err(at_line)?;
-        check_vectors("", &toml::Value::Table(table.clone())).map_err(fail)?;
-        let mut automatic = automatic(&file, &table);
+        given_keys.iter().try_for_each(|(key, value)| check_vectors(key, value)).map_err(fail)?;
+        let mut automatic = automatic(&file, &given_keys);
         let floor = file.floor.as_ref().map(floor).transpose().map_err(fail)?;
         let mut solid_files = SolidFiles::with(given);
         let budget = Budget::of_meshes();
@@ -167,7 +169,7 @@ impl Project {
             file.environment.unwrap_or_default().validated(folder, load_map, given, &fail)?;
         let background = file.background.map(|background| folder.join(background.file));
         let background = background.map(|file| solid_files.texture(&file, &budget)).transpose()?;
-        let settings = file.settings.validated(text).map_err(at_line)?;
+        let settings = file.settings.validated(&given_keys).map_err(at_line)?;
         let lights = file.light;
         let project = Self {
             scene: Scene { liquid, fluids, environment, background, solids, lights, settings },
@@ -534,22 +536,15 @@ fn relative_to(folder: &Path, source: &Path) -> PathBuf {
 /// Fails for a vector with too many numbers, as by decimal commas; deserialization would silently use
 /// the first ones.
 fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
-    let inner = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
     match value {
-        toml::Value::Table(table) => {
-            table.iter().try_for_each(|(name, value)| check_vectors(&inner(name), value))
-        }
+        toml::Value::Table(table) => table
+            .iter()
+            .try_for_each(|(name, value)| check_vectors(&format!("{key}.{name}"), value)),
         toml::Value::Array(values) => {
-            let pair = ["wavelengths", "half_extent"].iter().any(|name| key.ends_with(name));
-            let four = ["rotate", "quaternion", "intrinsics", "pose"]
-                .iter()
-                .any(|name| key.ends_with(name));
-            let limit = if pair {
-                2
-            } else if four {
-                4
-            } else {
-                3
+            let limit = match key.rsplit('.').next() {
+                Some("wavelengths" | "half_extent") => 2,
+                Some("rotate" | "quaternion" | "intrinsics" | "pose") => 4,
+                _ => 3,
             };
             let numbers = values.iter().all(|v| v.is_integer() || v.is_float());
             if numbers && values.len() > limit {

@@ -234,14 +234,12 @@ impl SettingsFile {
         Self { preset: None, classify, layers, smooth, refract, caustics, tonemap }
     }
 
-    /// The settings of the file; those that it does not have are the preset's.
-    pub(super) fn validated(self, text: &str) -> Result<Settings, toml::de::Error> {
+    /// The settings of the file, whose keys are given beside it; those that it does not have are the preset's.
+    pub(super) fn validated(self, file: &toml::Table) -> Result<Settings, toml::de::Error> {
         let Self { preset, classify, layers, smooth, refract, caustics, tonemap } = self;
         let Some(preset) = preset else {
             return Ok(Settings { classify, layers, smooth, refract, caustics, tonemap });
         };
-        // The text is read again, since the structs do not distinguish given values from defaults.
-        let file: toml::Table = text.parse()?;
         let given = file.get("settings").and_then(toml::Value::as_table);
         overlaid(&preset.settings(), given.unwrap_or(&toml::Table::new()))
     }
