@@ -6,8 +6,8 @@
 //! - `host to host`: positions are uploaded and the picture is read back;
 //! - `classified by the CPU`: the same by [`classify::classify`], whose splats are uploaded;
 //! - `memory`: what the device has allocated by then, MiB;
-//! - `views`: pictures of 128×128 pixels from different views, ms for each, with 40,000 particles; `recorded`: the host's part
-//!   of that, without submission and reading.
+//! - `views`: pictures of 128×128 pixels from different views, ms for each, with 40,000 particles; `recorded`: what the
+//!   host takes to prepare and record them, without tone mapping, submission and reading.
 //!
 //! ```text
 //! cargo bench --bench particles                       40,000 and a million particles, and views
@@ -156,7 +156,7 @@ fn particles(subject: &Subject<'_>, options: &Options) -> limpid_io::Result<()> 
     if let Some(allocated) = gpu.device.generate_allocator_report() {
         println!("{:>22} {:9}", "memory", allocated.total_allocated_bytes >> 20);
     }
-    let by_host = measure(frames.min(5), || {
+    let by_host = measure(frames, || {
         let splats = subject.classify_on_host();
         renderer.render(subject.input(&splats, size), &picture)?;
         picture.read(gpu)?;

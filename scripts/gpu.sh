@@ -12,6 +12,8 @@
 # LIMPID, LIMPID_PASSES and LIMPID_PARTICLES are a program and the benches `passes` and `particles` that were built elsewhere,
 # for a machine without cargo.
 set -euo pipefail
+# Numbers with points.
+export LC_ALL=C
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 quick=()
@@ -85,11 +87,12 @@ passes front size=$large >"$work/large"
 step "particles that stay on the device, and views"
 bench particles "${LIMPID_PARTICLES-}" "${counts[@]}" size=$size >"$work/particles"
 if [[ -f $front ]]; then
-    step "a film"
-    film() { "$limpid" render "$front" --size $size --frames all -o "$work/film/" -q; }
-    film && rm -r "$work/film"
+    step "all frames of a sequence"
+    sequence() { "$limpid" render "$front" --size $size --frames all -o "$work/sequence/" -q 2>&3; }
+    sequence 3>&2
+    rm -r "$work/sequence"
     TIMEFORMAT=%R
-    { time film; } 2>"$work/film-seconds"
+    { time sequence; } 3>&2 2>"$work/sequence-seconds"
 fi
 step "each pass against its floor"
 scenes=cascade,vase,pool
@@ -113,7 +116,7 @@ cell() {
         $2 == "scene" { for (i = 2; i < NF; i++) if ($i == wanted) column = i }
         column && $2 == scene && $3 == method && index($4, settings) == 1 { print $column; exit }' "$1"
 }
-seconds() { [[ ! -f $work/film-seconds ]] || tail -n 1 "$work/film-seconds"; }
+seconds() { [[ ! -f $work/sequence-seconds ]] || tail -n 1 "$work/sequence-seconds"; }
 # A line of the table of goals: name, the most, measured, and whether the goal is met.
 goal() {
     awk -v name="$1" -v goal="$2" -v found="${3:-none}" 'BEGIN {
@@ -141,7 +144,7 @@ goals() {
     goal "a million on the device, the picture too" 5 "$(ms particles 1056000 "device to texture")"
     goal "classification of a million on the device" 2 "$(ms particles 1056000 classification)"
     goal "a picture of 128×128 among many views" 1 "$(ms particles "39128 particles, " views)"
-    goal "a film of all frames of \`front\`, s" 0.5 "$(seconds)"
+    goal "pictures of all frames of \`front\`, a process, s" 0.5 "$(seconds)"
     goal "forward caustics, \`pool\`, map of $map², grid $((map / 2))/2" 0.6 \
         "$(cell "$work/caustics/report.md" pool forward "map $map grid $((map / 2))/2" ms)"
     goal "\`guarded\` on \`pool\`, $width pixels wide" 0.1 "$(cell "$work/intersect/report.md" pool guarded "" ms)"

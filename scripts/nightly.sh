@@ -81,7 +81,7 @@ bevy() {
     cargo check --locked --ignore-rust-version --manifest-path "$manifest"
 }
 
-# As they would be published; in a folder of their own, since cargo takes them for ones that never change.
+# As they would be published; in a folder of their own, since cargo assumes that published packages never change.
 packages() {
     local built=$CARGO_TARGET_DIR/packages
     rm -rf "$built"

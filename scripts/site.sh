@@ -18,7 +18,7 @@ rm "$folder/pages/farm.sbatch"
 cp CONTRIBUTING.md "$folder/pages/contributing.md"
 sed -E 's,(\(|src=")docs/,\1,g' README.md >"$folder/pages/index.md"
 sed -E -i 's,\((\.\./)?CONTRIBUTING\.md,(contributing.md,g; s,\(docs/,(,g; s,\(\.\./README\.md,(index.md,g' "$folder"/pages/*.md
-sed -E -i 's,\[([^]]+)\]\((\.\./[^)]*|(crates|src|scripts|sims|tests|python|benches|shaders)[^)]*|[A-Z-]+(\.md)?|farm\.sbatch)\),\1,g' \
+sed -E -i 's,\[([^]]+)\]\((\.\./[^)]*|(crates|src|scripts|sims|tests|python|benches|shaders)/[^)]*|[A-Z-]+(\.md)?|farm\.sbatch)\),\1,g' \
     "$folder"/pages/*.md
 cat >"$folder/mkdocs.yml" <<'YAML'
 site_name: limpid

@@ -63,7 +63,7 @@ def as_array(name: str, value: Any) -> npt.NDArray[Any]:
     """What NumPy makes of a value; of arrays that only speak DLPack too, without a copy, and of CUDA's by a copy."""
     if isinstance(value, (np.ndarray, list, tuple)):
         return np.asarray(value)
-    # Before NumPy's own protocols, which these arrays have to refuse them.
+    # Checked first: these arrays implement NumPy's protocols only to refuse.
     if _cuda.is_cuda(value):
         try:
             return _cuda.copied(value)
@@ -72,7 +72,7 @@ def as_array(name: str, value: Any) -> npt.NDArray[Any]:
     if hasattr(value, "__array_interface__") or hasattr(value, "__array__"):
         return np.asarray(value)
     if hasattr(value, "__dlpack_device__") and int(value.__dlpack_device__()[0]) not in _READABLE:
-        raise _on_device(name, "only those of CUDA are read there")
+        raise _on_device(name, "only CUDA arrays can be read from there")
     if hasattr(value, "__dlpack__"):
         array: npt.NDArray[Any] = np.from_dlpack(value)
         return array
@@ -81,8 +81,8 @@ def as_array(name: str, value: Any) -> npt.NDArray[Any]:
 
 def _on_device(name: str, why: str) -> _OnDevice:
     return _OnDevice(
-        f"{name} is in memory of a graphics card and cannot be copied: {why}; copy it first, as {name}.cpu(), {name}.numpy() or "
-        f"cupy.asnumpy({name})"
+        f"{name} is in memory of a graphics card, and limpid could not copy it ({why}); copy it to the host first, as "
+        f"{name}.cpu(), {name}.numpy() or cupy.asnumpy({name})"
     )
 
 

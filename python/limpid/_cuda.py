@@ -10,8 +10,20 @@ from typing import Any, Iterator, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-# `CU_POINTER_ATTRIBUTE_DEVICE_ORDINAL` of CUDA's driver API.
+# `CU_POINTER_ATTRIBUTE_CONTEXT` and `CU_POINTER_ATTRIBUTE_DEVICE_ORDINAL` of CUDA's driver API.
+_CONTEXT = 1
 _DEVICE_ORDINAL = 9
+_FUNCTIONS = (
+    "cuInit",
+    "cuPointerGetAttribute",
+    "cuDeviceGet",
+    "cuDevicePrimaryCtxRetain",
+    "cuDevicePrimaryCtxRelease_v2",
+    "cuCtxPushCurrent_v2",
+    "cuCtxPopCurrent_v2",
+    "cuCtxSynchronize",
+    "cuMemcpyDtoH_v2",
+)
 # `kDLCUDA` and `kDLCUDAManaged` of DLPack, and its types of numbers.
 _CUDA = (2, 13)
 _KINDS = {0: "i", 1: "u", 2: "f"}
@@ -33,22 +45,21 @@ class _View(NamedTuple):
 
 def is_cuda(value: Any) -> bool:
     """Whether it is an array in memory of an NVIDIA card."""
-    if hasattr(value, "__cuda_array_interface__"):
-        return True
     device = getattr(value, "__dlpack_device__", None)
-    return device is not None and int(device()[0]) in _CUDA
+    if device is not None:
+        return int(device()[0]) in _CUDA
+    return hasattr(value, "__cuda_array_interface__")
 
 
 def copied(value: Any) -> npt.NDArray[Any]:
-    """A copy in the processor's memory, once all that the card has been told to do is done.
+    """A copy in the processor's memory, once the card has done what its context was told to do.
 
     Fails with `CudaError` without NVIDIA's driver, or if that refuses.
     """
     if hasattr(value, "__cuda_array_interface__"):
         return _copy(_of_interface(value.__cuda_array_interface__))
-    # Minus one: the owner of the array waits for nothing, since the copy waits for everything.
-    capsule = value.__dlpack__(stream=-1)
     # The capsule lets the array go when it ends.
+    capsule = value.__dlpack__()
     return _copy(_of_capsule(capsule))
 
 
@@ -82,11 +93,11 @@ class _Tensor(ctypes.Structure):
 
 
 def _of_capsule(capsule: Any) -> _View:
-    pointer_of = ctypes.pythonapi.PyCapsule_GetPointer
-    pointer_of.restype, pointer_of.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    prototype = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
+    pointer_of = prototype(("PyCapsule_GetPointer", ctypes.pythonapi))
     tensor = _Tensor.from_address(pointer_of(capsule, b"dltensor"))
     if tensor.code not in _KINDS or tensor.lanes != 1 or tensor.bits not in (8, 16, 32, 64):
-        raise CudaError(f"its numbers are of the kind {tensor.code} with {tensor.bits} bits")
+        raise CudaError(f"its element type is unsupported (DLPack code {tensor.code}, {tensor.bits} bits)")
     dtype = np.dtype(f"{_KINDS[tensor.code]}{tensor.bits // 8}")
     axes = range(tensor.ndim)
     strides = tuple(tensor.strides[i] * dtype.itemsize for i in axes) if tensor.strides else None
@@ -123,34 +134,44 @@ def _driver() -> Any:
     try:
         driver = ctypes.CDLL(name)
     except OSError as error:
-        raise CudaError(f"{name} is not there") from error
+        raise CudaError(f"{name} was not found") from error
+    missing = [function for function in _FUNCTIONS if not hasattr(driver, function)]
+    if missing:
+        raise CudaError(f"NVIDIA's driver is too old: it lacks {missing[0]}")
     _call(driver.cuInit, ctypes.c_uint(0))
     return driver
 
 
 @contextmanager
 def _context(driver: Any, pointer: int) -> Iterator[None]:
-    """The context of the card that has this address, for this thread."""
+    """The context of an address on a card, for this thread: its own, or its card's primary one."""
+    address, own = ctypes.c_uint64(pointer), ctypes.c_void_p()
+    # Memory of a pool belongs to no context.
+    if driver.cuPointerGetAttribute(ctypes.byref(own), ctypes.c_int(_CONTEXT), address) == 0 and own:
+        with _pushed(driver, own):
+            yield
+        return
     ordinal, device, context = ctypes.c_int(), ctypes.c_int(), ctypes.c_void_p()
-    _call(
-        driver.cuPointerGetAttribute,
-        ctypes.byref(ordinal),
-        ctypes.c_int(_DEVICE_ORDINAL),
-        ctypes.c_uint64(pointer),
-    )
+    _call(driver.cuPointerGetAttribute, ctypes.byref(ordinal), ctypes.c_int(_DEVICE_ORDINAL), address)
     _call(driver.cuDeviceGet, ctypes.byref(device), ordinal)
     _call(driver.cuDevicePrimaryCtxRetain, ctypes.byref(context), device)
     try:
-        _call(driver.cuCtxPushCurrent_v2, context)
-        try:
+        with _pushed(driver, context):
             yield
-        finally:
-            driver.cuCtxPopCurrent_v2(ctypes.byref(ctypes.c_void_p()))
     finally:
         driver.cuDevicePrimaryCtxRelease_v2(device)
+
+
+@contextmanager
+def _pushed(driver: Any, context: ctypes.c_void_p) -> Iterator[None]:
+    _call(driver.cuCtxPushCurrent_v2, context)
+    try:
+        yield
+    finally:
+        driver.cuCtxPopCurrent_v2(ctypes.byref(ctypes.c_void_p()))
 
 
 def _call(function: Any, *arguments: Any) -> None:
     code = function(*arguments)
     if code != 0:
-        raise CudaError(f"{function.__name__} of NVIDIA's driver fails with the code {code}")
+        raise CudaError(f"{function.__name__} of NVIDIA's driver failed with code {code}")

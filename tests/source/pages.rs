@@ -106,7 +106,7 @@ fn dead_links_are_found() {
     assert_eq!(problem(&page, "https://example.org/nowhere"), None);
 }
 
-/// The pages are small enough to be read: bytes of all of them but this repository's own, and lines of the first.
+/// README.md and `docs` are small enough to be read.
 #[test]
 fn pages_stay_short() {
     let read = |path: &Path| fs::read_to_string(path).expect("the page can be read");

@@ -126,7 +126,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         since: Instant::now(),
     };
     let drawn = draw_all(&mut frame_loop, &mut queue, &loader, &mut log);
-    frame_loop.wait();
+    frame_loop.wait(&mut log);
     log.bar.finish_and_clear();
     if let Some(cache) = cache {
         cache.save();

@@ -33,7 +33,7 @@ use super::manifest::{Log, Outcome, Status};
 use super::output::{DrawnPicture, Output};
 use super::pick::Picked;
 use super::queue::Job;
-use super::writing::Writing;
+use super::writing::{self, Writing};
 use crate::fingerprint::Fingerprints;
 
 /// Number of consecutive failures of the device that ends the run.
@@ -83,7 +83,16 @@ pub(super) struct Written {
     job: Job,
     /// Time from the picture before to this one, ms.
     ms: f64,
+    /// What drew it.
+    adapter: String,
     picture: limpid_io::Result<(FrameStats, Writing)>,
+}
+
+impl Written {
+    /// Whether it need not be waited for.
+    fn is_written(&self) -> bool {
+        self.picture.as_ref().map_or(true, |(_, writing)| writing.is_done())
+    }
 }
 
 /// The times at which particles are drawn.
@@ -199,15 +208,23 @@ impl FrameLoop<'_> {
         let most = if picture.is_ok() { self.most_writing } else { 0 };
         let ms = self.since.elapsed().as_micros() as f64 / 1e3;
         self.since = Instant::now();
-        self.writing.push_back(Written { job, ms, picture });
+        let adapter = self.stats.adapter.clone();
+        self.writing.push_back(Written { job, ms, adapter, picture });
         self.settle(most, log)
     }
 
-    /// Logs the outcomes of pictures until no more than `most` are being written.
+    /// Logs the outcomes of pictures that are written, and waits until no more than `most` are being written.
     pub(super) fn settle(&mut self, most: usize, log: &mut Log) -> limpid_io::Result<()> {
-        while self.writing.len() > most
-            && let Some(Written { job, ms, picture }) = self.writing.pop_front()
-        {
+        let bytes = |written: &Written| written.picture.as_ref().map_or(0, |(_, w)| w.bytes());
+        while let Some(first) = self.writing.front() {
+            let held: usize = self.writing.iter().map(bytes).sum();
+            let too_many = self.writing.len() > most || held > writing::MEMORY;
+            if !too_many && !first.is_written() {
+                break;
+            }
+            let Some(Written { job, ms, adapter, picture }) = self.writing.pop_front() else {
+                break;
+            };
             let written = picture.and_then(|(stats, writing)| Ok((stats, writing.wait()?)));
             match written {
                 Ok((stats, pixels)) => {
@@ -216,7 +233,7 @@ impl FrameLoop<'_> {
                         pixels: Some(format!("{pixels:08x}")),
                         particles: Some(stats.particles),
                         ms: Some(ms),
-                        adapter: Some(self.stats.adapter.clone()),
+                        adapter: Some(adapter),
                         ..Outcome::default()
                     };
                     self.stats.frames.push(stats);
@@ -237,10 +254,10 @@ impl FrameLoop<'_> {
         Ok(())
     }
 
-    /// Waits for the pictures that are being written: after a failure too, files that were begun become whole.
-    pub(super) fn wait(&mut self) {
-        for Written { picture, .. } in self.writing.drain(..) {
-            drop(picture.and_then(|(_, writing)| writing.wait()));
+    /// Waits for the pictures that are being written, and logs them: after a failure too, whose error is told.
+    pub(super) fn wait(&mut self, log: &mut Log) {
+        while !self.writing.is_empty() {
+            let _ = self.settle(0, log);
         }
     }
 

@@ -25,6 +25,15 @@ pub(super) struct DrawnPicture {
     pub(super) fingerprint: Fingerprint,
 }
 
+impl DrawnPicture {
+    /// Memory that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        let parts = self.radiance.iter().chain(&self.images);
+        let channels = parts.flat_map(|part| &part.channels);
+        self.picture.as_bytes().len() + channels.map(|c| size_of_val(&c.values[..])).sum::<usize>()
+    }
+}
+
 /// The destination of the pictures.
 pub(super) enum Output {
     Pictures(Pictures),

@@ -8,26 +8,26 @@ use limpid_io::film::Shot;
 use super::Args;
 use super::output::{DrawnPicture, Output};
 
+/// Memory for pictures that are being written, bytes; a single one may take more.
+pub(super) const MEMORY: usize = 256 << 20;
+
 /// A picture that is being written, or has been.
 pub(super) enum Writing {
-    Begun(JoinHandle<limpid_io::Result<u32>>),
+    Begun {
+        thread: JoinHandle<limpid_io::Result<u32>>,
+        bytes: usize,
+    },
     /// The checksum of its pixels.
     Done(u32),
 }
 
 /// The most pictures to write at a time. Encoding takes longer than a graphics card draws.
 pub(super) fn most(args: &Args, output: &Output) -> usize {
-    /// Memory for them, bytes.
-    const MEMORY: u64 = 256 << 20;
     // A process holds two claims at most, and a film takes its pictures in order.
     if args.claim || output.pictures().is_none() {
         return 0;
     }
-    let images = args.aov.as_ref().map_or(0, Vec::len) + usize::from(output.is_linear());
-    let pixel = 4 + 16 * images as u64;
-    let picture = pixel * u64::from(args.size.x) * u64::from(args.size.y);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    threads.min((MEMORY / picture.max(1)) as usize)
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 impl Writing {
@@ -40,15 +40,32 @@ impl Writing {
         let Some(pictures) = output.pictures().cloned() else {
             return output.write(&shot, drawn).map(Self::Done);
         };
+        let bytes = drawn.bytes();
         let write = move || pictures.write(&shot, drawn);
         let thread = std::thread::Builder::new().name("writing".into()).spawn(write);
-        thread.map(Self::Begun).map_err(Error::Threads)
+        Ok(Self::Begun { thread: thread.map_err(Error::Threads)?, bytes })
+    }
+
+    /// Memory that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Begun { bytes, .. } => *bytes,
+            Self::Done(_) => 0,
+        }
+    }
+
+    /// Whether it is written, or has failed.
+    pub(super) fn is_done(&self) -> bool {
+        match self {
+            Self::Begun { thread, .. } => thread.is_finished(),
+            Self::Done(_) => true,
+        }
     }
 
     /// Waits for the picture: the checksum of its pixels.
     pub(super) fn wait(self) -> limpid_io::Result<u32> {
         match self {
-            Self::Begun(thread) => {
+            Self::Begun { thread, .. } => {
                 thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             }
             Self::Done(pixels) => Ok(pixels),

@@ -94,8 +94,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     }
 }
 
-/// The arrays of all pieces, each as one. Arrays of cells that are no points are `ignored`, and unreadable ones that nothing
-/// needs.
+/// The arrays of all pieces, each as one. Cell arrays are `ignored` where cells are not points, and so are unreadable
+/// arrays that nothing needs.
 fn merge<'a>(
     document: &'a Document<'a>,
     source: FileBytes<'_>,

@@ -61,7 +61,6 @@ struct SceneFile {
     settings: SettingsFile,
 }
 
-/// A `[background]`.
 impl Project {
     /// Reads a scene file. Its paths are relative to its folder.
     ///
@@ -112,7 +111,7 @@ impl Project {
         let at_line = |e: toml::de::Error| toml_error(text, origin, &e);
         let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
         let mut table = DeTable::parse(text).map_err(at_line)?;
-        // With what the structs do not tell: which keys are given.
+        // Which keys were given: the structs cannot tell.
         let given_keys = toml::Table::deserialize(toml::Deserializer::from(table.clone()));
         let given_keys = given_keys.map_err(at_line)?;
         let processor = take_processor(table.get_mut()).map_err(at_line)?;

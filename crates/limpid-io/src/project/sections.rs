@@ -14,6 +14,7 @@ use limpid::liquid::Up;
 use limpid::scene::Liquid;
 use limpid::settings::{Caustics, Classify, Layers, Preset, Refract, Settings, Smooth, Tonemap};
 
+/// A `[background]`.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct BackgroundFile {
@@ -234,7 +235,7 @@ impl SettingsFile {
         Self { preset: None, classify, layers, smooth, refract, caustics, tonemap }
     }
 
-    /// The settings of the file, whose keys are given beside it; those that it does not have are the preset's.
+    /// The settings of the file; those that it does not have are the preset's. `file` tells which keys were given.
     pub(super) fn validated(self, file: &toml::Table) -> Result<Settings, toml::de::Error> {
         let Self { preset, classify, layers, smooth, refract, caustics, tonemap } = self;
         let Some(preset) = preset else {

@@ -9,8 +9,9 @@
 //!
 //! Bevy draws a ground and a cube, lit by a sun, into its own linear colour and depth. Between its opaque and its
 //! transparent pass, the system [`draw_liquid`] has limpid draw the built-in demo around the cube: on Bevy's device,
-//! into Bevy's command encoder. With `live`, the particles are simulated there too, and never reach the host. Bevy then goes on with its frame: it tone-maps its colour, and saves `bevy.png`. It
-//! needs no window and no display; a window instead of the picture changes nothing in the system.
+//! into Bevy's command encoder. With `live`, the particles are simulated there too, and never reach the host.
+//! Bevy then goes on with its frame: it tone-maps its colour, and saves `bevy.png`. It needs no window and no display; a
+//! window instead of the picture changes nothing in the system.
 
 #[path = "../../../../limpid-viewer/examples/live/simulation.rs"]
 mod simulation;
