@@ -15,9 +15,9 @@ mkdir -p "$folder/pages"
 # The README is the first page. Links to other files of the repository stay behind as text.
 cp -r docs/. "$folder/pages"
 rm "$folder/pages/farm.sbatch"
-cp CONTRIBUTING.md "$folder/pages/contributing.md"
+cp .github/CONTRIBUTING.md "$folder/pages/contributing.md"
 sed -E 's,(\(|src=")docs/,\1,g' README.md >"$folder/pages/index.md"
-sed -E -i 's,\((\.\./)?CONTRIBUTING\.md,(contributing.md,g; s,\(docs/,(,g; s,\(\.\./README\.md,(index.md,g' "$folder"/pages/*.md
+sed -E -i 's,\((\.\./)?\.github/CONTRIBUTING\.md,(contributing.md,g; s,\((\.\./)?docs/,(,g; s,\(\.\./README\.md,(index.md,g' "$folder"/pages/*.md
 sed -E -i 's,\[([^]]+)\]\((\.\./[^)]*|(crates|src|scripts|sims|tests|python|benches|shaders)/[^)]*|[A-Z-]+(\.md)?|farm\.sbatch)\),\1,g' \
     "$folder"/pages/*.md
 cat >"$folder/mkdocs.yml" <<'YAML'

@@ -5,14 +5,14 @@ use glam::{DMat3, DMat4, DVec2, DVec3, UVec2};
 use super::{Camera, CameraUniform, Lens, is_position};
 use crate::error::{Error, Result};
 
-/// What a picture shows: the renderer's camera. View space is x right, y up, looking down −z.
+/// The renderer's camera. View space is x right, y up, looking down −z.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Position in world space, m: origin of view space.
     pub eye: DVec3,
     /// World to view space, a rotation.
     pub view_from_world: DMat3,
-    /// What of view space is in the picture.
+    /// The part of view space in the picture.
     pub projection: Projection,
     /// Distance of what is looked at, m.
     pub focus: f64,
@@ -20,7 +20,7 @@ pub struct View {
     pub near: Option<f32>,
 }
 
-/// What of view space is in a picture.
+/// The part of view space in a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Projection {
     /// A pinhole's view that is centred on the view direction.

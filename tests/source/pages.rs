@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// The pages: those at the root and in `docs`.
+/// The pages: those at the root, in `docs` and in `.github`.
 fn pages() -> Vec<PathBuf> {
     let markdown = |folder: PathBuf| {
         let entries = fs::read_dir(folder).expect("the folder is there");
@@ -14,6 +14,7 @@ fn pages() -> Vec<PathBuf> {
     };
     let root = Path::new(ROOT);
     let all = markdown(root.into()).chain(markdown(root.join("docs")));
+    let all = all.chain(markdown(root.join(".github")));
     all.filter(|path| path.extension().is_some_and(|extension| extension == "md")).collect()
 }
 

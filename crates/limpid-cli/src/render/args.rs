@@ -119,8 +119,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     pub(super) set: Vec<String>,
     /// Pick the fastest intersector whose hits have at most this RMS error in pixels, where a miss
-    /// counts as 10; the most accurate of equally fast ones. All other settings stay. What each costs is
-    /// measured once for an adapter and a size, and the choice reported. Not for frames shared by
+    /// counts as 10; the most accurate of equally fast ones. All other settings stay. The costs are
+    /// measured once for an adapter and a size, and the choice is reported. Not for frames shared by
     /// several machines, whose choices may differ.
     #[arg(long, value_name = "PX", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     pub(super) max_error: Option<f64>,

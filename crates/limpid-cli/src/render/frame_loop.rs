@@ -83,7 +83,7 @@ pub(super) struct Written {
     job: Job,
     /// Time from the picture before to this one, ms.
     ms: f64,
-    /// What drew it.
+    /// The adapter that drew it.
     adapter: String,
     picture: limpid_io::Result<(FrameStats, Writing)>,
 }
@@ -179,7 +179,7 @@ impl FrameLoop<'_> {
         Ok(Submitted { drawing, rung, images, radiance })
     }
 
-    /// What has moved since the picture before. Before the first of several pictures, particles moved as they
+    /// The motion since the picture before. Before the first of several pictures, particles moved as they
     /// do before the second, and the camera was at rest; before a single picture, they moved for a frame.
     fn motion(&self, job: &Job, loaded: &Loaded) -> Motion {
         let Clock { times, rate, stride, frozen } = &self.clock;

@@ -15,7 +15,7 @@ use limpid_io::output::{self, FileKind, Files, OutputNames, PictureFormat};
 use super::Args;
 use crate::standard;
 
-/// What is written for a picture.
+/// A drawn picture with the images that are written beside it.
 pub(super) struct DrawnPicture {
     pub(super) picture: DynamicImage,
     /// The linear picture, if it is written.
