@@ -154,7 +154,7 @@ compared() {
     awk -F ' *[|] *' '
         $5 != "yes" && $5 != "no" { next }
         FNR == NR { before[$2] = $4; next }
-        $2 in before { printf "| %s | %s | %s | %.2f |\n", $2, before[$2], $4, before[$2] > 0 ? $4 / before[$2] : 0 }
+        $2 in before { printf "| %s | %s | %s | %.2f |\n", $2, before[$2], $4, (before[$2] > 0 ? $4 / before[$2] : 0) }
     ' "$against" "$work/goals"
 }
 
