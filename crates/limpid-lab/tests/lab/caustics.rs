@@ -247,6 +247,20 @@ fn light_is_conserved_in_a_pool() {
     }
 }
 
+/// Cells of a coarse grid, which cover hundreds of texels each and are shared out among threads, lay down all of their
+/// light: as much as those of a fine grid, to 2 %.
+#[test]
+fn large_cells_lay_down_their_light() {
+    let mut scene = scene(DVec3::NEG_Y, 0.0, &floor(2.0));
+    let view = view(&scene, 12.0, 2.0, 256, true);
+    let mut light = |grid| {
+        scene.settings.caustics.grid = grid;
+        run(&scene, &view, &flat(12.0)).map(|run| received(&view, &run, &scene).y)
+    };
+    let (Some(coarse), Some(fine)) = (light(12), light(256)) else { return };
+    assert!((coarse / fine - 1.0).abs() < 0.02, "{coarse} of {fine} W");
+}
+
 /// Light that enters waves within `half` of the origin, W, by quadrature over their surface.
 fn transmitted_power(scene: &Scene, waves: &Waves, half: f64) -> f64 {
     let Light::Sun { direction, .. } = scene.lights[0] else { panic!("a sun") };
