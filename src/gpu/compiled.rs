@@ -3,13 +3,14 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::{Gpu, shader};
+use super::Gpu;
+use super::shader::{self, Library, Variant};
 
 /// The modules, layouts and pipelines of a device.
 #[derive(Debug, Default)]
 pub(super) struct Compiled {
     /// By root and variant.
-    modules: Mutex<HashMap<(String, shader::Variant), wgpu::ShaderModule>>,
+    modules: Mutex<HashMap<(String, Variant), wgpu::ShaderModule>>,
     /// By stages and bindings.
     layouts: Mutex<HashMap<(wgpu::ShaderStages, Vec<wgpu::BindingType>), wgpu::BindGroupLayout>>,
     pipelines: Mutex<HashMap<Kernel, wgpu::ComputePipeline>>,
@@ -30,12 +31,25 @@ fn locked<T>(map: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Gpu {
-    /// As [`shader::module`], of exactly this variant.
-    pub(super) fn module(&self, root: &str, variant: shader::Variant) -> wgpu::ShaderModule {
+    /// The shader module of a root of the renderer for a variant.
+    #[doc(hidden)]
+    pub fn module(&self, root: &str, variant: Variant) -> wgpu::ShaderModule {
+        self.module_of(shader::RENDERER, root, variant)
+    }
+
+    /// As [`Gpu::module`], of a library.
+    #[doc(hidden)]
+    pub fn module_of(&self, library: Library, root: &str, variant: Variant) -> wgpu::ShaderModule {
+        let variant = Variant {
+            stored_uniforms: self.uniforms_are_stored(),
+            stored_layers: self.layers_are_stored() && !variant.mips,
+            grain: self.grain(),
+            ..variant
+        };
         let create = || {
             self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(root),
-                source: wgpu::ShaderSource::Wgsl(shader::source(root, variant).into()),
+                source: wgpu::ShaderSource::Wgsl(library.source(root, variant).into()),
             })
         };
         locked(&self.compiled.modules)
@@ -102,7 +116,7 @@ pub fn compute_pipeline(
     layouts: &[&wgpu::BindGroupLayout],
     constants: &[(&str, f64)],
 ) -> wgpu::ComputePipeline {
-    let module = shader::module(gpu, shader, shader::Variant::default());
+    let module = gpu.module(shader, Variant::default());
     module_pipeline(gpu, shader, &module, entry_point, layouts, constants)
 }
 

@@ -7,158 +7,174 @@
 use std::borrow::Cow;
 use std::collections::HashSet;
 
-use super::Gpu;
+/// WGSL files, found by path, and those of them that are compiled.
+#[derive(Debug, Clone, Copy)]
+pub struct Library {
+    /// Every file with its path. Files may import those of the [`RENDERER`]. A path is that of one library: devices keep
+    /// modules by it.
+    pub files: &'static [(&'static str, &'static str)],
+    /// The files that are compiled as shaders; they import the others.
+    pub roots: &'static [&'static str],
+}
 
-/// Every WGSL file with its path in `shaders/`. A test compares the table with the folder.
-pub const FILES: &[(&str, &str)] = &[
-    ("common/camera.wgsl", include_str!("../../shaders/common/camera.wgsl")),
-    ("common/layers.wgsl", include_str!("../../shaders/common/layers.wgsl")),
-    ("common/optics.wgsl", include_str!("../../shaders/common/optics.wgsl")),
-    ("common/samples.wgsl", include_str!("../../shaders/common/samples.wgsl")),
-    ("common/sizes.wgsl", include_str!("../../shaders/common/sizes.wgsl")),
-    ("common/screen_ray.wgsl", include_str!("../../shaders/common/screen_ray.wgsl")),
-    ("common/lights.wgsl", include_str!("../../shaders/common/lights.wgsl")),
-    ("common/mesh.wgsl", include_str!("../../shaders/common/mesh.wgsl")),
-    ("common/scene.wgsl", include_str!("../../shaders/common/scene.wgsl")),
-    ("common/groups.wgsl", include_str!("../../shaders/common/groups.wgsl")),
-    ("common/tiles.wgsl", include_str!("../../shaders/common/tiles.wgsl")),
-    ("common/splat.wgsl", include_str!("../../shaders/common/splat.wgsl")),
-    ("classify/params.wgsl", include_str!("../../shaders/classify/params.wgsl")),
-    ("classify/sums.wgsl", include_str!("../../shaders/classify/sums.wgsl")),
-    ("classify/members.wgsl", include_str!("../../shaders/classify/members.wgsl")),
-    ("classify/count.wgsl", include_str!("../../shaders/classify/count.wgsl")),
-    ("classify/scan.wgsl", include_str!("../../shaders/classify/scan.wgsl")),
-    ("classify/order.wgsl", include_str!("../../shaders/classify/order.wgsl")),
-    ("classify/moments.wgsl", include_str!("../../shaders/classify/moments.wgsl")),
-    ("classify/eigen.wgsl", include_str!("../../shaders/classify/eigen.wgsl")),
-    ("classify/spline.wgsl", include_str!("../../shaders/classify/spline.wgsl")),
-    ("classify/line.wgsl", include_str!("../../shaders/classify/line.wgsl")),
-    ("classify/sheets.wgsl", include_str!("../../shaders/classify/sheets.wgsl")),
-    ("classify/interior.wgsl", include_str!("../../shaders/classify/interior.wgsl")),
-    ("classify/shape.wgsl", include_str!("../../shaders/classify/shape.wgsl")),
-    ("classify/lines.wgsl", include_str!("../../shaders/classify/lines.wgsl")),
-    ("classify/around.wgsl", include_str!("../../shaders/classify/around.wgsl")),
-    ("classify/points.wgsl", include_str!("../../shaders/classify/points.wgsl")),
-    ("classify/normals.wgsl", include_str!("../../shaders/classify/normals.wgsl")),
-    ("classify/walls.wgsl", include_str!("../../shaders/classify/walls.wgsl")),
-    ("classify/move.wgsl", include_str!("../../shaders/classify/move.wgsl")),
-    ("bins/params.wgsl", include_str!("../../shaders/bins/params.wgsl")),
-    ("bins/tiles.wgsl", include_str!("../../shaders/bins/tiles.wgsl")),
-    ("bins/project.wgsl", include_str!("../../shaders/bins/project.wgsl")),
-    ("bins/scan.wgsl", include_str!("../../shaders/bins/scan.wgsl")),
-    ("bins/fill.wgsl", include_str!("../../shaders/bins/fill.wgsl")),
-    ("splat/ellipsoid.wgsl", include_str!("../../shaders/splat/ellipsoid.wgsl")),
-    ("splat/pixel.wgsl", include_str!("../../shaders/splat/pixel.wgsl")),
-    ("splat/column.wgsl", include_str!("../../shaders/splat/column.wgsl")),
-    ("splat/lists.wgsl", include_str!("../../shaders/splat/lists.wgsl")),
-    ("splat/layers.wgsl", include_str!("../../shaders/splat/layers.wgsl")),
-    ("splat/empty.wgsl", include_str!("../../shaders/splat/empty.wgsl")),
-    ("mixture/sums.wgsl", include_str!("../../shaders/mixture/sums.wgsl")),
-    ("mixture/empty.wgsl", include_str!("../../shaders/mixture/empty.wgsl")),
-    ("gaps/cells.wgsl", include_str!("../../shaders/gaps/cells.wgsl")),
-    ("gaps/runs.wgsl", include_str!("../../shaders/gaps/runs.wgsl")),
-    ("gaps/mark.wgsl", include_str!("../../shaders/gaps/mark.wgsl")),
-    ("gaps/sides.wgsl", include_str!("../../shaders/gaps/sides.wgsl")),
-    ("gaps/split.wgsl", include_str!("../../shaders/gaps/split.wgsl")),
-    ("tiles.wgsl", include_str!("../../shaders/tiles.wgsl")),
-    ("smooth/blank.wgsl", include_str!("../../shaders/smooth/blank.wgsl")),
-    ("smooth/iterate.wgsl", include_str!("../../shaders/smooth/iterate.wgsl")),
-    ("smooth/plane_fit.wgsl", include_str!("../../shaders/smooth/plane_fit.wgsl")),
-    ("smooth/bilateral.wgsl", include_str!("../../shaders/smooth/bilateral.wgsl")),
-    ("smooth/narrow_range.wgsl", include_str!("../../shaders/smooth/narrow_range.wgsl")),
-    ("gbuffer.wgsl", include_str!("../../shaders/gbuffer.wgsl")),
-    ("host.wgsl", include_str!("../../shaders/host.wgsl")),
-    ("mips/coarsen.wgsl", include_str!("../../shaders/mips/coarsen.wgsl")),
-    ("mips/layers.wgsl", include_str!("../../shaders/mips/layers.wgsl")),
-    ("mips/planes.wgsl", include_str!("../../shaders/mips/planes.wgsl")),
-    ("refract/interfaces.wgsl", include_str!("../../shaders/refract/interfaces.wgsl")),
-    ("refract/slabs.wgsl", include_str!("../../shaders/refract/slabs.wgsl")),
-    ("refract/structure.wgsl", include_str!("../../shaders/refract/structure.wgsl")),
-    ("refract/pixels.wgsl", include_str!("../../shaders/refract/pixels.wgsl")),
-    ("refract/host.wgsl", include_str!("../../shaders/refract/host.wgsl")),
-    ("refract/one_layer.wgsl", include_str!("../../shaders/refract/one_layer.wgsl")),
-    ("refract/single.wgsl", include_str!("../../shaders/refract/single.wgsl")),
-    ("refract/plane.wgsl", include_str!("../../shaders/refract/plane.wgsl")),
-    ("refract/plane3.wgsl", include_str!("../../shaders/refract/plane3.wgsl")),
-    ("refract/secant.wgsl", include_str!("../../shaders/refract/secant.wgsl")),
-    ("refract/guarded.wgsl", include_str!("../../shaders/refract/guarded.wgsl")),
-    ("refract/lists.wgsl", include_str!("../../shaders/refract/lists.wgsl")),
-    ("refract/march.wgsl", include_str!("../../shaders/refract/march.wgsl")),
-    ("refract/newton.wgsl", include_str!("../../shaders/refract/newton.wgsl")),
-    ("caustics/params.wgsl", include_str!("../../shaders/caustics/params.wgsl")),
-    ("caustics/light.wgsl", include_str!("../../shaders/caustics/light.wgsl")),
-    ("caustics/grid.wgsl", include_str!("../../shaders/caustics/grid.wgsl")),
-    ("caustics/landing.wgsl", include_str!("../../shaders/caustics/landing.wgsl")),
-    ("caustics/light_sums.wgsl", include_str!("../../shaders/caustics/light_sums.wgsl")),
-    ("caustics/forward.wgsl", include_str!("../../shaders/caustics/forward.wgsl")),
-    ("caustics/deposit.wgsl", include_str!("../../shaders/caustics/deposit.wgsl")),
-    ("caustics/resolve.wgsl", include_str!("../../shaders/caustics/resolve.wgsl")),
-    ("bounds.wgsl", include_str!("../../shaders/bounds.wgsl")),
-    ("caustics/blur.wgsl", include_str!("../../shaders/caustics/blur.wgsl")),
-    ("caustics/conic.wgsl", include_str!("../../shaders/caustics/conic.wgsl")),
-    ("caustics/gather.wgsl", include_str!("../../shaders/caustics/gather.wgsl")),
-    ("surface/images.wgsl", include_str!("../../shaders/surface/images.wgsl")),
-    ("tonemap.wgsl", include_str!("../../shaders/tonemap.wgsl")),
-    ("report/intersect.wgsl", include_str!("../../shaders/report/intersect.wgsl")),
-    ("report/nothing.wgsl", include_str!("../../shaders/report/nothing.wgsl")),
-    ("report/stream.wgsl", include_str!("../../shaders/report/stream.wgsl")),
-    ("report/arithmetic.wgsl", include_str!("../../shaders/report/arithmetic.wgsl")),
-];
+/// The files of `shaders/`. A test compares the table with the folder.
+pub const RENDERER: Library = Library {
+    files: &[
+        ("common/camera.wgsl", include_str!("../../shaders/common/camera.wgsl")),
+        ("common/layers.wgsl", include_str!("../../shaders/common/layers.wgsl")),
+        ("common/optics.wgsl", include_str!("../../shaders/common/optics.wgsl")),
+        ("common/samples.wgsl", include_str!("../../shaders/common/samples.wgsl")),
+        ("common/sizes.wgsl", include_str!("../../shaders/common/sizes.wgsl")),
+        ("common/screen_ray.wgsl", include_str!("../../shaders/common/screen_ray.wgsl")),
+        ("common/lights.wgsl", include_str!("../../shaders/common/lights.wgsl")),
+        ("common/mesh.wgsl", include_str!("../../shaders/common/mesh.wgsl")),
+        ("common/scene.wgsl", include_str!("../../shaders/common/scene.wgsl")),
+        ("common/groups.wgsl", include_str!("../../shaders/common/groups.wgsl")),
+        ("common/tiles.wgsl", include_str!("../../shaders/common/tiles.wgsl")),
+        ("common/splat.wgsl", include_str!("../../shaders/common/splat.wgsl")),
+        ("classify/params.wgsl", include_str!("../../shaders/classify/params.wgsl")),
+        ("classify/sums.wgsl", include_str!("../../shaders/classify/sums.wgsl")),
+        ("classify/members.wgsl", include_str!("../../shaders/classify/members.wgsl")),
+        ("classify/count.wgsl", include_str!("../../shaders/classify/count.wgsl")),
+        ("classify/scan.wgsl", include_str!("../../shaders/classify/scan.wgsl")),
+        ("classify/order.wgsl", include_str!("../../shaders/classify/order.wgsl")),
+        ("classify/moments.wgsl", include_str!("../../shaders/classify/moments.wgsl")),
+        ("classify/eigen.wgsl", include_str!("../../shaders/classify/eigen.wgsl")),
+        ("classify/spline.wgsl", include_str!("../../shaders/classify/spline.wgsl")),
+        ("classify/line.wgsl", include_str!("../../shaders/classify/line.wgsl")),
+        ("classify/sheets.wgsl", include_str!("../../shaders/classify/sheets.wgsl")),
+        ("classify/interior.wgsl", include_str!("../../shaders/classify/interior.wgsl")),
+        ("classify/shape.wgsl", include_str!("../../shaders/classify/shape.wgsl")),
+        ("classify/lines.wgsl", include_str!("../../shaders/classify/lines.wgsl")),
+        ("classify/around.wgsl", include_str!("../../shaders/classify/around.wgsl")),
+        ("classify/points.wgsl", include_str!("../../shaders/classify/points.wgsl")),
+        ("classify/normals.wgsl", include_str!("../../shaders/classify/normals.wgsl")),
+        ("classify/walls.wgsl", include_str!("../../shaders/classify/walls.wgsl")),
+        ("classify/move.wgsl", include_str!("../../shaders/classify/move.wgsl")),
+        ("bins/params.wgsl", include_str!("../../shaders/bins/params.wgsl")),
+        ("bins/tiles.wgsl", include_str!("../../shaders/bins/tiles.wgsl")),
+        ("bins/project.wgsl", include_str!("../../shaders/bins/project.wgsl")),
+        ("bins/scan.wgsl", include_str!("../../shaders/bins/scan.wgsl")),
+        ("bins/fill.wgsl", include_str!("../../shaders/bins/fill.wgsl")),
+        ("splat/ellipsoid.wgsl", include_str!("../../shaders/splat/ellipsoid.wgsl")),
+        ("splat/pixel.wgsl", include_str!("../../shaders/splat/pixel.wgsl")),
+        ("splat/column.wgsl", include_str!("../../shaders/splat/column.wgsl")),
+        ("splat/lists.wgsl", include_str!("../../shaders/splat/lists.wgsl")),
+        ("splat/layers.wgsl", include_str!("../../shaders/splat/layers.wgsl")),
+        ("splat/empty.wgsl", include_str!("../../shaders/splat/empty.wgsl")),
+        ("mixture/sums.wgsl", include_str!("../../shaders/mixture/sums.wgsl")),
+        ("mixture/empty.wgsl", include_str!("../../shaders/mixture/empty.wgsl")),
+        ("gaps/cells.wgsl", include_str!("../../shaders/gaps/cells.wgsl")),
+        ("gaps/runs.wgsl", include_str!("../../shaders/gaps/runs.wgsl")),
+        ("gaps/mark.wgsl", include_str!("../../shaders/gaps/mark.wgsl")),
+        ("gaps/sides.wgsl", include_str!("../../shaders/gaps/sides.wgsl")),
+        ("gaps/split.wgsl", include_str!("../../shaders/gaps/split.wgsl")),
+        ("tiles.wgsl", include_str!("../../shaders/tiles.wgsl")),
+        ("smooth/blank.wgsl", include_str!("../../shaders/smooth/blank.wgsl")),
+        ("smooth/iterate.wgsl", include_str!("../../shaders/smooth/iterate.wgsl")),
+        ("smooth/plane_fit.wgsl", include_str!("../../shaders/smooth/plane_fit.wgsl")),
+        ("smooth/bilateral.wgsl", include_str!("../../shaders/smooth/bilateral.wgsl")),
+        ("smooth/narrow_range.wgsl", include_str!("../../shaders/smooth/narrow_range.wgsl")),
+        ("gbuffer.wgsl", include_str!("../../shaders/gbuffer.wgsl")),
+        ("host.wgsl", include_str!("../../shaders/host.wgsl")),
+        ("mips/coarsen.wgsl", include_str!("../../shaders/mips/coarsen.wgsl")),
+        ("mips/layers.wgsl", include_str!("../../shaders/mips/layers.wgsl")),
+        ("mips/planes.wgsl", include_str!("../../shaders/mips/planes.wgsl")),
+        ("refract/interfaces.wgsl", include_str!("../../shaders/refract/interfaces.wgsl")),
+        ("refract/slabs.wgsl", include_str!("../../shaders/refract/slabs.wgsl")),
+        ("refract/structure.wgsl", include_str!("../../shaders/refract/structure.wgsl")),
+        ("refract/pixels.wgsl", include_str!("../../shaders/refract/pixels.wgsl")),
+        ("refract/host.wgsl", include_str!("../../shaders/refract/host.wgsl")),
+        ("refract/one_layer.wgsl", include_str!("../../shaders/refract/one_layer.wgsl")),
+        ("refract/single.wgsl", include_str!("../../shaders/refract/single.wgsl")),
+        ("refract/plane.wgsl", include_str!("../../shaders/refract/plane.wgsl")),
+        ("refract/plane3.wgsl", include_str!("../../shaders/refract/plane3.wgsl")),
+        ("refract/secant.wgsl", include_str!("../../shaders/refract/secant.wgsl")),
+        ("refract/guarded.wgsl", include_str!("../../shaders/refract/guarded.wgsl")),
+        ("refract/lists.wgsl", include_str!("../../shaders/refract/lists.wgsl")),
+        ("refract/march.wgsl", include_str!("../../shaders/refract/march.wgsl")),
+        ("refract/newton.wgsl", include_str!("../../shaders/refract/newton.wgsl")),
+        ("caustics/params.wgsl", include_str!("../../shaders/caustics/params.wgsl")),
+        ("caustics/light.wgsl", include_str!("../../shaders/caustics/light.wgsl")),
+        ("caustics/grid.wgsl", include_str!("../../shaders/caustics/grid.wgsl")),
+        ("caustics/landing.wgsl", include_str!("../../shaders/caustics/landing.wgsl")),
+        ("caustics/light_sums.wgsl", include_str!("../../shaders/caustics/light_sums.wgsl")),
+        ("caustics/forward.wgsl", include_str!("../../shaders/caustics/forward.wgsl")),
+        ("caustics/deposit.wgsl", include_str!("../../shaders/caustics/deposit.wgsl")),
+        ("caustics/resolve.wgsl", include_str!("../../shaders/caustics/resolve.wgsl")),
+        ("bounds.wgsl", include_str!("../../shaders/bounds.wgsl")),
+        ("caustics/blur.wgsl", include_str!("../../shaders/caustics/blur.wgsl")),
+        ("caustics/conic.wgsl", include_str!("../../shaders/caustics/conic.wgsl")),
+        ("caustics/gather.wgsl", include_str!("../../shaders/caustics/gather.wgsl")),
+        ("surface/images.wgsl", include_str!("../../shaders/surface/images.wgsl")),
+        ("tonemap.wgsl", include_str!("../../shaders/tonemap.wgsl")),
+    ],
+    roots: &[
+        "classify/members.wgsl",
+        "classify/count.wgsl",
+        "classify/scan.wgsl",
+        "classify/order.wgsl",
+        "classify/interior.wgsl",
+        "classify/shape.wgsl",
+        "classify/lines.wgsl",
+        "classify/points.wgsl",
+        "classify/normals.wgsl",
+        "classify/move.wgsl",
+        "classify/walls.wgsl",
+        "bins/project.wgsl",
+        "bins/scan.wgsl",
+        "bins/fill.wgsl",
+        "splat/layers.wgsl",
+        "splat/empty.wgsl",
+        "mixture/sums.wgsl",
+        "mixture/empty.wgsl",
+        "gaps/mark.wgsl",
+        "gaps/split.wgsl",
+        "gaps/sides.wgsl",
+        "tiles.wgsl",
+        "smooth/blank.wgsl",
+        "smooth/plane_fit.wgsl",
+        "smooth/bilateral.wgsl",
+        "smooth/narrow_range.wgsl",
+        "gbuffer.wgsl",
+        "host.wgsl",
+        "mips/layers.wgsl",
+        "mips/planes.wgsl",
+        "bounds.wgsl",
+        "refract/single.wgsl",
+        "refract/plane.wgsl",
+        "refract/plane3.wgsl",
+        "refract/secant.wgsl",
+        "refract/guarded.wgsl",
+        "refract/march.wgsl",
+        "refract/newton.wgsl",
+        "refract/structure.wgsl",
+        "caustics/grid.wgsl",
+        "caustics/forward.wgsl",
+        "caustics/deposit.wgsl",
+        "caustics/gather.wgsl",
+        "caustics/resolve.wgsl",
+        "caustics/blur.wgsl",
+        "surface/images.wgsl",
+        "tonemap.wgsl",
+    ],
+};
 
-/// The files that are compiled as shaders; they import the others.
-pub const ROOTS: &[&str] = &[
-    "classify/members.wgsl",
-    "classify/count.wgsl",
-    "classify/scan.wgsl",
-    "classify/order.wgsl",
-    "classify/interior.wgsl",
-    "classify/shape.wgsl",
-    "classify/lines.wgsl",
-    "classify/points.wgsl",
-    "classify/normals.wgsl",
-    "classify/move.wgsl",
-    "classify/walls.wgsl",
-    "bins/project.wgsl",
-    "bins/scan.wgsl",
-    "bins/fill.wgsl",
-    "splat/layers.wgsl",
-    "splat/empty.wgsl",
-    "mixture/sums.wgsl",
-    "mixture/empty.wgsl",
-    "gaps/mark.wgsl",
-    "gaps/split.wgsl",
-    "gaps/sides.wgsl",
-    "tiles.wgsl",
-    "smooth/blank.wgsl",
-    "smooth/plane_fit.wgsl",
-    "smooth/bilateral.wgsl",
-    "smooth/narrow_range.wgsl",
-    "gbuffer.wgsl",
-    "host.wgsl",
-    "mips/layers.wgsl",
-    "mips/planes.wgsl",
-    "bounds.wgsl",
-    "refract/single.wgsl",
-    "refract/plane.wgsl",
-    "refract/plane3.wgsl",
-    "refract/secant.wgsl",
-    "refract/guarded.wgsl",
-    "refract/march.wgsl",
-    "refract/newton.wgsl",
-    "refract/structure.wgsl",
-    "caustics/grid.wgsl",
-    "caustics/forward.wgsl",
-    "caustics/deposit.wgsl",
-    "caustics/gather.wgsl",
-    "caustics/resolve.wgsl",
-    "caustics/blur.wgsl",
-    "surface/images.wgsl",
-    "tonemap.wgsl",
-    "report/intersect.wgsl",
-    "report/nothing.wgsl",
-    "report/stream.wgsl",
-    "report/arithmetic.wgsl",
-];
+impl Library {
+    /// The text of a file, of the library or the renderer.
+    pub fn file(self, path: &str) -> Option<&'static str> {
+        let mut files = self.files.iter().chain(RENDERER.files);
+        files.find(|(name, _)| *name == path).map(|(_, text)| *text)
+    }
+
+    /// Source of a root with its imports pasted, each once, for a variant.
+    ///
+    /// # Panics
+    /// If there is no such file or the variant lacks a value: bugs that the shader tests find.
+    pub fn source(self, root: &str, variant: Variant) -> String {
+        resolve(root, variant, &mut |path| self.file(path))
+    }
+}
 
 /// Values of the placeholders in a root and its imports, words that begin with `$`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -240,19 +256,10 @@ impl Variant {
     }
 }
 
-/// Source of a root with its imports pasted, each once, for a variant.
+/// As [`Library::source`], with files supplied by `find`.
 ///
 /// # Panics
-/// If a file is not in [`FILES`] or the variant lacks a value: bugs that the shader tests find.
-pub fn source(root: &str, variant: Variant) -> String {
-    let find = |path: &str| FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text);
-    resolve(root, variant, &mut { find })
-}
-
-/// As [`source`], with files supplied by `find`.
-///
-/// # Panics
-/// As [`source`].
+/// As [`Library::source`].
 pub fn resolve<'a>(
     root: &str,
     variant: Variant,
@@ -285,21 +292,10 @@ pub fn resolve<'a>(
     out
 }
 
-/// The shader module of a root for a variant on a device.
-pub fn module(gpu: &Gpu, root: &str, variant: Variant) -> wgpu::ShaderModule {
-    let variant = Variant {
-        stored_uniforms: gpu.uniforms_are_stored(),
-        stored_layers: gpu.layers_are_stored() && !variant.mips,
-        grain: gpu.grain(),
-        ..variant
-    };
-    gpu.module(root, variant)
-}
-
 /// Parses the value of a constant in a shader, for tests that compare it with Rust.
 #[cfg(test)]
 pub fn constant(root: &str, name: &str) -> f64 {
-    let source = source(root, Variant::of("refract/guarded.wgsl"));
+    let source = RENDERER.source(root, Variant::of("refract/guarded.wgsl"));
     let declared = source.lines().find_map(|line| line.strip_prefix("const ")?.strip_prefix(name));
     let declared = declared.unwrap_or_else(|| panic!("{root} has no constant {name}"));
     let (_, value) = declared.split_once('=').expect("a value");

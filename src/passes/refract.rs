@@ -325,7 +325,7 @@ impl Pixels<'_> {
         let Self { gpu, eye, .. } = self;
         let (camera, scene) = (&eye.camera, &eye.scene);
         let mips = gpu::shader::Variant { mips: variant.mips(), ..Default::default() };
-        let module = gpu::shader::module(gpu, variant.shader(), mips);
+        let module = gpu.module(variant.shader(), mips);
         let constants =
             [&variant.constants()[..], &scene.variant.constants(), &camera.constants()].concat();
         let layouts = [&camera.layout, own, &scene.layout, list];

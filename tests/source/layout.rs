@@ -270,7 +270,7 @@ fn shared_structs_agree() {
 }
 
 fn source(root: &str) -> String {
-    shader::source(root, shader::Variant::of("refract/guarded.wgsl"))
+    shader::RENDERER.source(root, shader::Variant::of("refract/guarded.wgsl"))
 }
 
 /// Value of a 32-bit WGSL constant.

@@ -158,12 +158,7 @@ impl Kernel<'_> {
         );
         let text =
             shader::resolve("test", shader::Variant::of("refract/guarded.wgsl"), &mut |path| {
-                match path {
-                    "test" => Some(&root),
-                    _ => {
-                        shader::FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text)
-                    }
-                }
+                if path == "test" { Some(&root) } else { shader::RENDERER.file(path) }
             });
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("test"),

@@ -31,6 +31,7 @@ pub mod rates;
 mod rows;
 #[cfg(test)]
 mod sample;
+pub mod shaders;
 pub mod smooth;
 pub mod stress;
 pub mod subjects;

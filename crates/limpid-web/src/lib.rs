@@ -16,7 +16,7 @@ use glam::UVec2;
 use js_sys::Array;
 use limpid::frame::Picture;
 use limpid::gpu::Gpu;
-use limpid::gpu::shader::{ROOTS, Variant, source};
+use limpid::gpu::shader::{RENDERER, Variant};
 use limpid_viewer::web::{Page, PageOptions};
 use wasm_bindgen::prelude::wasm_bindgen;
 use wasm_bindgen::{JsCast as _, JsError, JsValue};
@@ -28,21 +28,19 @@ pub fn work() {
     limpid_viewer::web::work();
 }
 
-/// Every shader of the project, with every intersector where one is chosen: a list of names and texts in WGSL, for
+/// Every shader of the renderer, with every intersector where one is chosen: a list of names and texts in WGSL, for
 /// tests. Browsers check more than the program does.
 #[wasm_bindgen]
 pub fn shaders() -> Array {
-    let is_intersector = |root: &&&str| {
-        root.starts_with("refract/") && **root != "refract/structure.wgsl"
-            || **root == "report/nothing.wgsl"
-    };
-    let intersectors: Vec<&str> = ROOTS.iter().filter(is_intersector).copied().collect();
+    let is_intersector =
+        |root: &&&str| root.starts_with("refract/") && **root != "refract/structure.wgsl";
+    let intersectors: Vec<&str> = RENDERER.roots.iter().filter(is_intersector).copied().collect();
     let mut all = BTreeMap::new();
-    for root in ROOTS {
+    for root in RENDERER.roots {
         for intersector in &intersectors {
             for mips in [false, true] {
                 let variant = Variant { mips, ..Variant::of(intersector) };
-                all.insert(source(root, variant), format!("{root} with {intersector}"));
+                all.insert(RENDERER.source(root, variant), format!("{root} with {intersector}"));
             }
         }
     }

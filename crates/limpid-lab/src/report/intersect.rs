@@ -10,6 +10,7 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::Report;
 use super::rows::{ErrorKind, Figure, Orders, Row, RowKind};
+use super::shaders::SHADERS;
 use super::subjects::{Subject, size};
 use crate::reference::layers::View;
 use limpid::camera::{Camera, CameraUniform};
@@ -203,7 +204,7 @@ impl Bench {
         constants.push(("TO_SOLIDS", f64::from(u8::from(target == Target::Solids))));
         let pipeline = pipelines.entry(format!("{root} {constants:?}")).or_insert_with(|| {
             let intersector = gpu::shader::Variant { mips: true, ..gpu::shader::Variant::of(root) };
-            let module = gpu::shader::module(gpu, "report/intersect.wgsl", intersector);
+            let module = gpu.module_of(SHADERS, "report/intersect.wgsl", intersector);
             let layouts = [&self.camera.layout, &self.inputs, &self.scene.layout, &self.outputs];
             gpu::module_pipeline(gpu, root, &module, "intersect_pixels", &layouts, &constants)
         });

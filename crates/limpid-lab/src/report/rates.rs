@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::shaders::SHADERS;
 use limpid::gpu::{self, Gpu, Timer};
 use limpid_io::error::Result;
 
@@ -95,7 +96,8 @@ impl Kernel {
         resources: &[wgpu::BindingResource<'_>],
     ) -> Self {
         let layout = gpu.layout(file, wgpu::ShaderStages::COMPUTE, bindings);
-        let pipeline = gpu::compute_pipeline(gpu, file, entry, &[&layout], &[]);
+        let module = gpu.module_of(SHADERS, file, gpu::shader::Variant::default());
+        let pipeline = gpu::module_pipeline(gpu, file, &module, entry, &[&layout], &[]);
         Self { pipeline, group: gpu::bind_group(gpu, file, &layout, resources) }
     }
 

@@ -15,6 +15,7 @@ mod meshes;
 mod quality;
 mod reference;
 mod report;
+mod shaders;
 mod stability;
 #[path = "../../../../tests/support/mod.rs"]
 mod support;

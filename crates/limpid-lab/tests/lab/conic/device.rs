@@ -373,7 +373,7 @@ fn gathered_map_matches_the_reference() {
     });
     let map_view = map.create_view(&Default::default());
     let guarded = limpid::gpu::shader::Variant::of("refract/guarded.wgsl");
-    let text = limpid::gpu::shader::source("caustics/gather.wgsl", guarded);
+    let text = limpid::gpu::shader::RENDERER.source("caustics/gather.wgsl", guarded);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("gather"),
         source: wgpu::ShaderSource::Wgsl(text.into()),
