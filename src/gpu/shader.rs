@@ -104,6 +104,8 @@ pub const RENDERER: Library = Library {
         ("caustics/resolve.wgsl", include_str!("../../shaders/caustics/resolve.wgsl")),
         ("bounds.wgsl", include_str!("../../shaders/bounds.wgsl")),
         ("caustics/blur.wgsl", include_str!("../../shaders/caustics/blur.wgsl")),
+        ("caustics/conic/form.wgsl", include_str!("../../shaders/caustics/conic/form.wgsl")),
+        ("caustics/conic/path.wgsl", include_str!("../../shaders/caustics/conic/path.wgsl")),
         ("caustics/conic.wgsl", include_str!("../../shaders/caustics/conic.wgsl")),
         ("caustics/gather.wgsl", include_str!("../../shaders/caustics/gather.wgsl")),
         ("surface/images.wgsl", include_str!("../../shaders/surface/images.wgsl")),

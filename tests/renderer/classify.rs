@@ -1,6 +1,8 @@
 //! Classification and splat shapes: known answers and invariances.
 
+mod densities;
 mod iso_surface;
+mod shapes;
 
 use glam::{DVec3, Mat3, Vec3};
 use iso_surface::unrefined;
@@ -114,63 +116,11 @@ fn round() -> Classify {
     }
 }
 
-/// Relative density of one particle, found by bisection of the threshold.
-fn share(positions: &[Vec3], particle: u32) -> f32 {
-    let (mut low, mut high) = (0.0, 2.0);
-    for _ in 0..22 {
-        let splash_density = 0.5 * (low + high);
-        let settings = Classify { splash_density, ..Default::default() };
-        let splats = classify(&cloud(positions.iter().copied()), R, &settings);
-        if is_splash(&splats, particle) {
-            high = splash_density;
-        } else {
-            low = splash_density;
-        }
-    }
-    0.5 * (low + high)
-}
-
-// Shapes.
-
 /// A frame without particles is valid.
 #[test]
 fn no_particles_give_no_splats() {
     let splats = classify(&Particles::default(), R, &Classify::default());
     assert_eq!(splats, Splats { radius: R, ..Default::default() });
-}
-
-/// A lone splash keeps its position and radius.
-#[test]
-fn a_lone_particle_is_a_sphere_of_its_radius() {
-    let place = Vec3::new(1.0, 2.0, 3.0);
-    let splats = classify(&cloud([place]), R, &round());
-    assert!(splats.aggregates.is_empty());
-    assert_eq!(splats.splashes.len(), 1);
-    assert_eq!(place_of(&splats, &splats.splashes[0]), place.as_dvec3());
-    assert_eq!(splats.splashes[0].radius, R);
-    assert_axes(&splats.splashes[0], [1.0; 3]);
-}
-
-/// A zero covariance yields a sphere, not NaN.
-#[test]
-fn a_lone_aggregate_is_a_sphere() {
-    let splats = classify(&cloud([Vec3::ONE]), R, &bare(Kernel::Fitted));
-    assert_axes(&splats.aggregates[0], [1.4; 3]);
-    let splats = classify(&cloud([Vec3::ONE]), R, &bare(Kernel::Volume));
-    assert_axes(&splats.aggregates[0], [1.0; 3]);
-}
-
-/// Coincident particles neither panic the tree nor get shapes from rounding errors.
-#[test]
-fn coincident_particles_are_spheres() {
-    for place in [Vec3::ZERO, Vec3::new(0.1, -7.3, 1234.5)] {
-        let splats = classify(&cloud([place; 10_000]), R, &round());
-        assert_eq!(splats.aggregates.len(), 10_000);
-        for splat in &splats.aggregates {
-            assert_eq!(place_of(&splats, splat), place.as_dvec3());
-            assert_axes(splat, [1.4; 3]);
-        }
-    }
 }
 
 /// Classification does not depend on the distance from the origin, within 1e-5 r, and splats near the
@@ -216,173 +166,6 @@ fn far_splats_wet_solids() {
     for copy in &splats.aggregates[drawn..] {
         let height = place_of(&splats, copy).y - floor.y;
         assert!(height.abs() < 1e-6 * f64::from(R), "{height:e}");
-    }
-}
-
-/// A flat covariance is clamped to the ratio `k_r`, and the short axis is the fixed one.
-#[test]
-fn coplanar_particles_are_flat() {
-    let sheet = lattice([21, 21, 1], [2.0, 2.0, 2.0]);
-    let splat = find(&classify(&cloud(sheet.clone()), R, &bare(Kernel::Fitted)), middle(&sheet));
-    assert_axes(&splat, [5.6, 5.6, 1.4]);
-    let settings = Classify { long_axis: 2.8, ..bare(Kernel::Fitted) };
-    assert_axes(
-        &find(&classify(&cloud(sheet.clone()), R, &settings), middle(&sheet)),
-        [2.8, 2.8, 1.4],
-    );
-}
-
-/// A covariance of rank one is clamped likewise.
-#[test]
-fn collinear_particles_are_needles() {
-    let line = lattice([1, 21, 1], [2.0; 3]);
-    let splat = find(&classify(&cloud(line.clone()), R, &bare(Kernel::Fitted)), middle(&line));
-    assert_axes(&splat, [1.4, 5.6, 1.4]);
-}
-
-/// Inside a body at rest, splats are spheres and stay in place.
-#[test]
-fn splats_inside_a_body_are_spheres() {
-    let body = lattice([9; 3], [2.0; 3]);
-    let splat = find(&classify(&cloud(body.clone()), R, &round()), middle(&body));
-    assert_axes(&splat, [1.4; 3]);
-    assert!(Vec3::from_array(splat.centre).length() < 1e-6 * R);
-}
-
-/// At a surface the short axis is along the normal, and the centre moves inwards.
-#[test]
-fn surface_splats_flatten_along_the_normal() {
-    let body = lattice([13, 13, 7], [2.0; 3]);
-    let top = body.iter().position(|p| p.truncate().length() == 0.0 && p.z > 5.9 * R).unwrap();
-    let splat = find(&classify(&cloud(body.clone()), R, &round()), top as u32);
-    let axes = aligned_axes(&splat);
-    assert!((axes.z - 1.4).abs() < 1e-4 && axes.x > 1.5 && (axes.x - axes.y).abs() < 1e-4);
-    assert!(splat.centre[2] < body[top].z - 0.1 * R);
-}
-
-/// Volume mode: fewer than 25 neighbours yield a sphere; a dense line is capped at exactly 1.2 r; a sheet
-/// keeps the ratio up to the cap.
-#[test]
-fn volume_kernels_follow_the_papers() {
-    let settings = bare(Kernel::Volume);
-    let at_middle = |points: Vec<Vec3>| {
-        let index = middle(&points);
-        find(&classify(&cloud(points), R, &settings), index)
-    };
-    assert_axes(&at_middle(lattice([21, 1, 1], [2.0; 3])), [1.0; 3]);
-    let k = 16f32.cbrt() / 4.0;
-    assert_axes(&at_middle(lattice([101, 1, 1], [0.2; 3])), [1.2, k, k]);
-    let thin = 0.25f32.powf(2.0 / 3.0);
-    assert_axes(&at_middle(lattice([21, 21, 1], [1.0; 3])), [1.2, 1.2, thin]);
-    assert_axes(&at_middle(lattice([9; 3], [2.0; 3])), [1.0; 3]);
-}
-
-/// Axes obey the caps and the ratio in all directions, not only along x, y and z.
-#[test]
-fn axes_stay_within_their_bounds() {
-    let particles = cloud(random(2000, 3));
-    for kernel in [Kernel::Fitted, Kernel::Volume] {
-        let settings = Classify { splash_density: 0.0, kernel, ..Default::default() };
-        let longest = if kernel == Kernel::Fitted { settings.long_axis } else { 1.2 };
-        let splats = classify(&particles, R, &settings);
-        assert_drawable(&splats);
-        for splat in &splats.aggregates {
-            for k in 0..200 {
-                let (height, turn) = (k as f32 / 100.0 - 0.995, k as f32 * 2.4);
-                let flat = (1.0 - height * height).sqrt();
-                let direction = Vec3::new(flat * turn.cos(), flat * turn.sin(), height);
-                let reach = (matrix(splat) * direction).length() / R;
-                assert!(reach <= longest * 1.0001, "{reach}");
-                assert!(reach >= longest.min(1.0) / settings.max_ratio * 0.999, "{reach}");
-            }
-        }
-    }
-}
-
-// Classes.
-
-/// The relative density of a body at rest is 1; other configurations have known values.
-#[test]
-fn relative_densities_are_known() {
-    let of = |points: Vec<Vec3>| {
-        let index = middle(&points);
-        share(&points, index)
-    };
-    for (points, expected) in [
-        (lattice([9; 3], [2.0; 3]), 1.0),
-        (lattice([1; 3], [2.0; 3]), 0.05948),
-        (lattice([2, 1, 1], [2.0; 3]), 0.11153),
-        (lattice([3, 1, 1], [2.0; 3]), 0.16358),
-        (lattice([21, 1, 1], [2.0; 3]), 0.16358),
-        (lattice([21, 21, 1], [2.0; 3]), 0.42149),
-        (lattice([21, 21, 2], [2.0; 3]), 0.71075),
-    ] {
-        let count = points.len();
-        let share = of(points);
-        assert!((share - expected).abs() < 1e-5, "{share}, not {expected}, of {count} particles");
-    }
-}
-
-/// Thin sheets are aggregates, so that crowns and curtains do not fall apart into droplets.
-#[test]
-fn sheets_are_not_splashes() {
-    for (count, step) in [
-        ([21, 21, 1], [2.0; 3]),
-        ([21, 21, 1], [2.6; 3]),
-        ([21, 21, 2], [2.6, 2.6, 2.0]),
-        ([21, 21, 2], [2.6; 3]),
-    ] {
-        let sheet = lattice(count, step);
-        let splats = classify(&cloud(sheet.clone()), R, &Classify::default());
-        assert!(!is_splash(&splats, middle(&sheet)), "{count:?}, spaced {step:?} r");
-    }
-}
-
-/// Bodies have no splashes at faces, edges and corners.
-#[test]
-fn blocks_have_no_splashes() {
-    let splats = classify(&cloud(lattice([6; 3], [2.0; 3])), R, &Classify::default());
-    assert_eq!((splats.aggregates.len(), splats.splashes.len()), (216, 0));
-}
-
-/// Up to three particles are splashes, even in contact.
-#[test]
-fn droplets_are_splashes() {
-    let triangle = vec![Vec3::ZERO, Vec3::X * 2.0 * R, Vec3::new(1.0, 3f32.sqrt(), 0.0) * R];
-    for droplet in [lattice([2, 1, 1], [1.0; 3]), lattice([3, 1, 1], [2.0; 3]), triangle] {
-        let splats = classify(&cloud(droplet.clone()), R, &round());
-        assert_eq!(splats.splashes.len(), droplet.len());
-        for (splat, place) in splats.splashes.iter().zip(droplet) {
-            assert_eq!(splat.centre, place.to_array(), "splashes are not smoothed");
-        }
-    }
-}
-
-/// The search finds the same density as a sum over all pairs.
-#[test]
-fn density_equals_a_brute_force_reference() {
-    let points = random(500, 4);
-    let weight = |d: f64| (1.0 - d.powi(3)).max(0.0);
-    let mut at_rest = 0.0;
-    for p in lattice([7; 3], [2.0; 3]) {
-        at_rest += weight(f64::from(p.length() / R) / 4.0);
-    }
-    let densities: Vec<f64> = points
-        .iter()
-        .map(|a| {
-            let near =
-                |b: &Vec3| weight((a.as_dvec3() - b.as_dvec3()).length() / (4.0 * f64::from(R)));
-            points.iter().map(near).sum::<f64>() / at_rest
-        })
-        .collect();
-    for threshold in [0.3, 0.5, 0.7, 0.9, 1.1] {
-        let settings = Classify { splash_density: threshold, ..Default::default() };
-        let splats = classify(&cloud(points.clone()), R, &settings);
-        for (i, &density) in densities.iter().enumerate() {
-            if (density - f64::from(threshold)).abs() > 1e-5 {
-                assert_eq!(is_splash(&splats, i as u32), density < f64::from(threshold));
-            }
-        }
     }
 }
 
@@ -433,8 +216,6 @@ fn grid_equals_tree() {
     let wide = Cloud::new(&cloud(body.iter().map(|&p| 1e6 * p)), R);
     assert!([crowd, wide].iter().all(|cloud| !cloud.has_grid(&Classify::default())));
 }
-
-// Invariances.
 
 /// Results do not depend on the world axes.
 #[test]
@@ -496,8 +277,6 @@ fn thread_count_does_not_change_results() {
     assert!(!splats.aggregates.is_empty() && !splats.splashes.is_empty());
 }
 
-// Radii.
-
 /// Radii from the file override the default, per particle.
 #[test]
 fn radii_of_the_file_are_honoured() {
@@ -523,22 +302,6 @@ fn radii_of_the_file_are_honoured() {
             assert_eq!(is_splash(&both, found.particle), is_splash(splats, splat.particle));
         }
     }
-}
-
-/// Neighbours are weighted by volume: the relative density around a particle of twice the size is the
-/// same.
-#[test]
-fn large_particle_among_small_ones_is_inside_a_body() {
-    let body = lattice([13; 3], [2.0; 3]);
-    let mut radii = vec![R; body.len()];
-    radii[middle(&body) as usize] = 2.0 * R;
-    let index = middle(&body);
-    let particles = Particles { positions: body, radii: Some(radii), ..Default::default() };
-    let splashes_at = |splash_density| {
-        let settings = Classify { splash_density, ..Default::default() };
-        is_splash(&classify(&particles, R, &settings), index)
-    };
-    assert!(!splashes_at(0.9) && splashes_at(1.15));
 }
 
 /// Particles that cannot be drawn are skipped, and the others keep their indices.
