@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use glam::UVec2;
 use limpid::gpu::Gpu;
 use limpid_io::output::{self, FileKind};
-use limpid_lab::quality::{Curve, List};
+use limpid_io::quality::{Curve, List};
 use serde::{Deserialize, Serialize};
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
 

@@ -60,7 +60,7 @@ fn parse_kind(text: &str) -> Result<RowKind, String> {
 
 /// Header of a curve file.
 const CURVE: &str = "\
-# Written by `limpid report --curve crates/limpid-lab/src/quality.toml`: settings, the error of their intersector (pixels),
+# Written by `limpid report --curve crates/limpid-io/src/quality.toml`: settings, the error of their intersector (pixels),
 # mean FLIP against traced pictures, and the time of a frame over that with the defaults.
 ";
 

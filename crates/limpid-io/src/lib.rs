@@ -1,7 +1,8 @@
 //! Files for [`limpid`]: particle formats, sequences, scenes, pictures and films.
 //!
 //! [`open::Request`] opens an input, [`input::Input`] loads its frames, [`frame_cache::FrameCache`]
-//! loads them ahead of playback, and [`output`] and [`film::Film`] write pictures and films.
+//! loads them ahead of playback, and [`output`] and [`film::Film`] write pictures and films. [`quality`] chooses
+//! settings by error or time.
 //!
 //! ```no_run
 //! use limpid::frame::FrameInput;
@@ -59,6 +60,7 @@ pub mod overlay;
 pub mod particles;
 mod pattern;
 pub mod project;
+pub mod quality;
 pub mod sequence;
 pub mod shared_classifier;
 mod vtk_lists;

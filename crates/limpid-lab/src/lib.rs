@@ -7,6 +7,5 @@
 pub mod check;
 pub mod compare;
 mod html_shell;
-pub mod quality;
 pub mod reference;
 pub mod report;

@@ -12,9 +12,9 @@ use limpid::scene::Scene;
 use limpid::settings::Settings;
 use limpid::wgpu;
 use limpid_io::project::overrides::replaced;
+use limpid_io::quality::calibration;
+use limpid_io::quality::controller::Controller;
 use limpid_io::{Error, Result};
-use limpid_lab::quality::calibration;
-use limpid_lab::quality::controller::Controller;
 use serde::Serialize;
 
 use crate::fingerprint::Fingerprints;

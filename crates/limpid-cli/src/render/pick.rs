@@ -5,9 +5,9 @@ use std::time::Instant;
 use limpid::gpu::Gpu;
 use limpid::offscreen::Offscreen;
 use limpid_io::project::overrides::replaced;
+use limpid_io::quality::{Curve, Limits, List, calibration};
 use limpid_io::shared_classifier::Processor;
 use limpid_io::{Error, Result};
-use limpid_lab::quality::{Curve, Limits, List, calibration};
 use serde::Serialize;
 
 use super::Args;

@@ -8,6 +8,7 @@ mod fluids;
 mod frame_cache;
 mod input;
 mod particles;
+mod quality;
 mod radius;
 mod recipes;
 mod scene;

@@ -1,5 +1,5 @@
 //! The measurements that `limpid render --max-error` and `--budget` choose from: settings with
-//! their error and cost, `crates/limpid-lab/src/quality.toml`.
+//! their error and cost, `crates/limpid-io/src/quality.toml`.
 
 use glam::DVec3;
 use image::RgbImage;
@@ -8,7 +8,6 @@ use super::intersect::{Bench, Method, Target, ViewLayers, hit_error, truths, wor
 use super::rows::median;
 use super::subjects::{self, Subject};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
-use crate::quality::{Choice, Curve};
 use crate::reference::layers::View;
 use crate::reference::trace::{MAX_DEPTH, trace_lit};
 use limpid::frame::FrameInput;
@@ -20,6 +19,7 @@ use limpid::scene::Scene;
 use limpid::settings::Settings;
 use limpid_io::error::Result;
 use limpid_io::project::overrides::replaced;
+use limpid_io::quality::{Choice, Curve};
 
 /// Scenes with all kinds of rays that are quick to measure: a drop, a breaking wave, a dam break.
 pub const SCENES: [&str; 3] = ["drop", "breaker", "demo"];

@@ -7,17 +7,16 @@ use std::time::Instant;
 
 use glam::UVec2;
 
+use super::{Choice, List, NOISE};
+use crate::error::Result;
+use crate::input::{FrameTime, Input};
+use crate::project::overrides::replaced;
+use crate::shared_classifier::Processor;
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid::settings::Settings;
-use limpid_io::error::Result;
-use limpid_io::input::{FrameTime, Input};
-use limpid_io::project::overrides::replaced;
-use limpid_io::shared_classifier::Processor;
-
-use super::{Choice, List, NOISE};
 
 /// Number of timed frames of a choice; its cost is their median.
 const ROUNDS: usize = 3;

@@ -1,10 +1,11 @@
 //! Selection of settings by error or frame time: `limpid render --max-error` and `--budget`.
 //!
 //! The error of each choice was measured beforehand and is read from
-//! `crates/limpid-lab/src/quality.toml`, which `limpid report --curve` writes: errors are the same
+//! `crates/limpid-io/src/quality.toml`, which `limpid report --curve` writes: errors are the same
 //! on every adapter. What a choice costs depends on adapter and size: [`calibration`] measures it. The
 //! [`controller`] keeps a budget over a sequence.
 
+#[cfg(not(target_arch = "wasm32"))]
 pub mod calibration;
 pub mod controller;
 
@@ -12,7 +13,7 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-use limpid_io::error::{Error, Result};
+use crate::error::{Error, Result};
 
 /// The measured error, FLIP and cost of each choice of settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
