@@ -5,11 +5,10 @@
 // where that converges, by bisection elsewhere.
 
 #import common/tiles.wgsl
+#import refract/bindings.wgsl
 #import refract/pixels.wgsl
 
 override BOUNDS: bool = false; // the bounds of the layers are known
-
-@group(1) @binding(4) var bounds: texture_2d<f32>; // as in bounds.wgsl
 
 // Convergence threshold: distance, in pixels, between a predicted root and its sample.
 const CLOSE_PIXELS: f32 = 0.25;

@@ -4,8 +4,7 @@
 #import common/layers.wgsl
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
-
-@group(1) @binding(10) var host_color: texture_2d<f32>; // or the background
+#import refract/bindings.wgsl
 
 // Index of a hit on the host's scene, in place of a solid's.
 const HOST_SCENE: u32 = 0xffffffffu;

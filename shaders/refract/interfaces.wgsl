@@ -18,20 +18,9 @@
 #import common/optics.wgsl
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
+#import refract/bindings.wgsl
 #import refract/host.wgsl
 #import refract/slabs.wgsl
-
-struct Params {
-    absorption: vec3f,     // 1/m; for several fluids the largest component, in all three channels
-    ior: f32,              // of the liquid, relative to the surrounding medium
-    contact: f32,          // largest distance of a wetted solid, m
-    interfaces: u32,       // largest number of interfaces per ray
-    internal_bounces: u32, // largest number of internal reflections per ray
-    reach: f32,            // longest unchecked step of `guarded`, as a share of the height
-    ambient_shares: vec2f, // shares of ambient light that enter level liquid by two paths
-    ambient_paths: vec2f,  // lengths of these paths per metre of depth
-    eye_depth: f32,        // depth of the eye below the liquid's surface, m; 0 outside
-}
 
 override ABSORPTION: bool = true;         // any absorption component is above 0
 override MIXTURE: bool = false;           // there are fluids of different absorption
@@ -45,11 +34,6 @@ override BACKGROUND: bool = false;        // the scene has a background picture:
 override TRANSPARENT: bool = false;       // no coverage where a ray meets neither liquid nor solid
 override SAMPLES: u32 = 1u;               // rays per pixel
 override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
-
-@group(1) @binding(0) var<uniform> params: Params;
-@group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
-@group(1) @binding(5) var mixture: texture_2d<f32>; // absorption times length, length: mixture/sums.wgsl
-@group(1) @binding(6) var gbuffer_surfaces: texture_2d<f32>; // world normal, solid index
 
 // Reflectance above which an internal reflection is followed and the transmitted ray is only looked up.
 const STRONG: f32 = 0.3;

@@ -5,19 +5,12 @@
 #import common/samples.wgsl
 #import common/scene.wgsl
 #import common/tiles.wgsl
+#import refract/bindings.wgsl
 #import refract/interfaces.wgsl
 #import refract/lists.wgsl
 
 override COUNT: bool = false;     // write the diagnostics
 override EDGE_SAMPLES: u32 = 16u; // rays per edge pixel without liquid
-
-@group(1) @binding(7) var radiance: texture_storage_2d<rgba32float, write>;
-// Interfaces, length inside (m), solver iterations and solver failures: means over the samples.
-@group(1) @binding(8) var diagnostics: texture_storage_2d<rgba32float, write>;
-// Tiles of the entry point: those with liquid, or the others.
-@group(1) @binding(9) var<storage, read> tiles: TileList;
-// Of `structured_pixels`: the picture with one ray per pixel.
-@group(1) @binding(11) var first_radiance: texture_2d<f32>;
 
 // Relative difference of radiance that distinguishes an edge from shading, and from the light through liquid where patterns
 // are filtered.

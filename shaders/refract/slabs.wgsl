@@ -1,5 +1,9 @@
 // Liquid at a texel: the intervals between the fronts and backs of its layers, without their gaps, and
 // where a ray leaves their union.
+//
+// A file that imports this one declares
+//     var aggregate_layers: $layers
+//     var splash_layers: $layers
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -7,9 +11,6 @@
 
 override SPLASH: bool = false; // the frame has splash layers
 override GAPS: u32 = 0u;       // gaps that the layers of a class have at most
-
-@group(1) @binding(1) var aggregate_layers: $layers;
-@group(1) @binding(2) var splash_layers: $layers;
 
 struct Diagnostics {
     interfaces: f32,       // interfaces crossed

@@ -11,6 +11,8 @@ struct Params {
 }
 
 @group(1) @binding(0) var<uniform> params: Params;
+@group(1) @binding(1) var aggregate_layers: $layers;
+@group(1) @binding(2) var splash_layers: $layers;
 @group(1) @binding(3) var radiance: texture_2d<f32>; // with one ray per pixel
 @group(1) @binding(4) var<storage, read> tiles: TileList;
 

@@ -80,6 +80,7 @@ pub const RENDERER: Library = Library {
         ("mips/coarsen.wgsl", include_str!("../../shaders/mips/coarsen.wgsl")),
         ("mips/layers.wgsl", include_str!("../../shaders/mips/layers.wgsl")),
         ("mips/planes.wgsl", include_str!("../../shaders/mips/planes.wgsl")),
+        ("refract/bindings.wgsl", include_str!("../../shaders/refract/bindings.wgsl")),
         ("refract/interfaces.wgsl", include_str!("../../shaders/refract/interfaces.wgsl")),
         ("refract/slabs.wgsl", include_str!("../../shaders/refract/slabs.wgsl")),
         ("refract/structure.wgsl", include_str!("../../shaders/refract/structure.wgsl")),

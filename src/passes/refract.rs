@@ -20,7 +20,7 @@ use crate::scene::{Scene, Shape, Solid};
 use crate::settings::{self, Solver};
 pub use variant::Variant;
 
-/// `Params` of `refract/interfaces.wgsl`.
+/// `Params` of `refract/bindings.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Params {
@@ -45,6 +45,22 @@ pub struct Params {
     /// Padding: uniforms come in blocks of 16 bytes.
     pub pad_eye_depth: [u32; 3],
 }
+
+/// Group 1 of the passes over pixels: the names of `refract/bindings.wgsl`, in its order.
+pub const BINDINGS: [&str; 12] = [
+    "params",
+    "aggregate_layers",
+    "splash_layers",
+    "gbuffer_planes",
+    "bounds",
+    "mixture",
+    "gbuffer_surfaces",
+    "radiance",
+    "diagnostics",
+    "tiles",
+    "host_color",
+    "first_radiance",
+];
 
 /// Bytes before a list of pixels: the number of them, of rays and of fallbacks.
 const LIST_COUNTS: u64 = 12;
@@ -288,30 +304,31 @@ impl Pixels<'_> {
     /// Group 1, of a section of a list of tiles.
     fn bind(
         self,
-        [target, seen, diagnostics]: [&wgpu::TextureView; 3],
+        [radiance, first_radiance, diagnostics]: [&wgpu::TextureView; 3],
         list: &wgpu::Buffer,
         section: u32,
     ) -> Bound {
         let Self { gpu, variant, eye, params, planes, behind } = self;
-        let surfaces = eye.images.gbuffer.surfaces.create_view(&Default::default());
+        let gbuffer_surfaces = eye.images.gbuffer.surfaces.create_view(&Default::default());
         let mips = variant.mips();
         let view = |layers: &Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
-        let (aggregates, splashes) = (view(eye.aggregate_layers()), view(&eye.images.splat.splash));
+        let aggregate_layers = view(eye.aggregate_layers());
+        let splash_layers = view(&eye.images.splat.splash);
         let layers = if mips { gpu::sampled(D2Array) } else { gpu.layers() };
         let (read, written) = (gpu::sampled(D2), gpu::storage_texture(Layers::FORMAT, D2));
-        let bindings = [
+        let bindings: [_; BINDINGS.len()] = [
             (gpu::uniform::<Params>(), params.as_entire_binding()),
-            (layers, TextureView(&aggregates)),
-            (layers, TextureView(&splashes)),
+            (layers, TextureView(&aggregate_layers)),
+            (layers, TextureView(&splash_layers)),
             (read, TextureView(planes)),
             (read, TextureView(&eye.images.bounds)),
             (read, TextureView(&eye.images.mixture.view)),
-            (read, TextureView(&surfaces)),
-            (written, TextureView(target)),
+            (read, TextureView(&gbuffer_surfaces)),
+            (written, TextureView(radiance)),
             (written, TextureView(diagnostics)),
             (gpu::storage_of(8), eye.images.tiles.section(list, section)),
             (read, TextureView(behind.unwrap_or(planes))),
-            (read, TextureView(seen)),
+            (read, TextureView(first_radiance)),
         ];
         gpu::bind(gpu, "refract", &bindings)
     }

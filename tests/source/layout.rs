@@ -322,6 +322,19 @@ fn shared_constants_agree() {
     }
 }
 
+/// The bindings of refraction are those that Rust names, in their order.
+#[test]
+fn bindings_of_refraction_agree() {
+    let module = naga::front::wgsl::parse_str(&source("refract/guarded.wgsl")).expect("valid WGSL");
+    let mut bound: Vec<_> = (module.global_variables.iter())
+        .filter_map(|(_, global)| Some((global.binding?, global.name.as_deref())))
+        .filter_map(|(at, name)| (at.group == 1).then_some((at.binding, name.unwrap_or_default())))
+        .collect();
+    bound.sort_unstable();
+    let named: Vec<_> = (0..).zip(refract::BINDINGS).collect();
+    assert_eq!(bound, named);
+}
+
 /// Negative test: the comparison finds swapped fields, a different kind or size, a missing field and
 /// missing padding at the end, and ignores other padding.
 #[test]

@@ -44,6 +44,7 @@ pub(super) enum MethodPipelines {
 
 #[derive(Debug)]
 pub(super) struct Layouts {
+    /// The first six of [`refract::BINDINGS`].
     pub(super) inputs: wgpu::BindGroupLayout,
     pub(super) grid: wgpu::BindGroupLayout,
     pub(super) forward: wgpu::BindGroupLayout,

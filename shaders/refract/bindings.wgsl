@@ -1,0 +1,32 @@
+// Group 1 of refraction: `BINDINGS` of `src/passes/refract.rs` has the names in this order. Lights' passes bind the first
+// six, which intersectors read.
+
+#import common/tiles.wgsl
+
+struct Params {
+    absorption: vec3f,     // 1/m; for several fluids the largest component, in all three channels
+    ior: f32,              // of the liquid, relative to the surrounding medium
+    contact: f32,          // largest distance of a wetted solid, m
+    interfaces: u32,       // largest number of interfaces per ray
+    internal_bounces: u32, // largest number of internal reflections per ray
+    reach: f32,            // longest unchecked step of `guarded`, as a share of the height
+    ambient_shares: vec2f, // shares of ambient light that enter level liquid by two paths
+    ambient_paths: vec2f,  // lengths of these paths per metre of depth
+    eye_depth: f32,        // depth of the eye below the liquid's surface, m; 0 outside
+}
+
+@group(1) @binding(0) var<uniform> params: Params;
+@group(1) @binding(1) var aggregate_layers: $layers;
+@group(1) @binding(2) var splash_layers: $layers;
+@group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
+@group(1) @binding(4) var bounds: texture_2d<f32>; // as in bounds.wgsl
+@group(1) @binding(5) var mixture: texture_2d<f32>; // absorption times length, length: mixture/sums.wgsl
+@group(1) @binding(6) var gbuffer_surfaces: texture_2d<f32>; // world normal, solid index
+@group(1) @binding(7) var radiance: texture_storage_2d<rgba32float, write>;
+// Interfaces, length inside (m), solver iterations and solver failures: means over the samples.
+@group(1) @binding(8) var diagnostics: texture_storage_2d<rgba32float, write>;
+// Tiles of the entry point: those with liquid, or the others.
+@group(1) @binding(9) var<storage, read> tiles: TileList;
+@group(1) @binding(10) var host_color: texture_2d<f32>; // or the background
+// Of `structured_pixels`: the picture with one ray per pixel.
+@group(1) @binding(11) var first_radiance: texture_2d<f32>;
