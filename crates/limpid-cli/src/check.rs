@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use limpid_io::device;
-use limpid_io::output::{self, FileKind};
-use limpid_lab::check::{Report, Suite, Verdict};
+use limpid_lab::check::{Suite, Verdict};
 
 /// Default folder of the results, which only failures create.
 const RESULTS: &str = "limpid-check";
@@ -35,7 +34,10 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let suite = Suite::load(&args.suite)?;
     let folder = args.out.as_deref().unwrap_or(Path::new(RESULTS));
-    check_outputs(args, &suite, folder)?;
+    if args.bless {
+        suite.check_blessings(&args.filter)?;
+    }
+    suite.check_outputs(folder, args.junit.as_deref())?;
     let gpu = device::open()?;
     // A closed pipe ends the listing, not the run.
     let mut listing = Ok(());
@@ -49,10 +51,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         report.bless()?;
     }
     if let Some(path) = &args.junit {
-        let xml = report.junit();
-        output::write_atomically(path, FileKind::JUNIT, |file| {
-            std::io::Write::write_all(file, xml.as_bytes())
-        })?;
+        report.write_junit(path)?;
     }
     let passed = report.count(Verdict::Passed) == report.outcomes.len();
     // Also replaces the results of an earlier run, which would be mistaken for those of this one.
@@ -61,49 +60,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     }
     match args.json {
         true => crate::terminal::print(&serde_json::to_string_pretty(&report.json())?)?,
-        false => crate::terminal::print(&summary(&report, (!passed).then_some(folder)))?,
+        false => crate::terminal::print(&report.summary((!passed).then_some(folder)))?,
     }
     Ok(report.exit_code())
-}
-
-/// Checks the outputs before anything is drawn.
-fn check_outputs(args: &Args, suite: &Suite, folder: &Path) -> limpid_io::Result<()> {
-    if args.bless {
-        suite.check_blessings(&args.filter)?;
-    }
-    let mut files = suite.files();
-    if let Some(path) = &args.junit {
-        files.writes(path, FileKind::JUNIT)?;
-    }
-    match folder.exists() {
-        true => files.writes(&folder.join("index.html"), FileKind::PAGE),
-        false => output::check_folder(folder),
-    }
-}
-
-fn summary(report: &Report, results: Option<&Path>) -> String {
-    let counts = [
-        (Verdict::Passed, "passed"),
-        (Verdict::Blessed, "blessed"),
-        (Verdict::Failed, "failed"),
-        (Verdict::Error, "could not be compared"),
-    ];
-    let counts = counts.into_iter().filter_map(|(verdict, word)| match report.count(verdict) {
-        0 => None,
-        count => Some(format!("{count} {word}")),
-    });
-    let counts = counts.collect::<Vec<_>>().join(", ");
-    let mut text = format!("\n{counts} in {:.1} s on {}", report.seconds, report.adapter);
-    for outcome in report.outcomes.iter().filter(|outcome| outcome.blessed) {
-        for (path, _) in &outcome.blessing {
-            text += &format!("\nwrote {}", path.display());
-        }
-    }
-    if let Some(folder) = results {
-        text += &format!("\nsee {}", folder.join("index.html").display());
-    }
-    if report.outcomes.iter().any(|o| !o.blessed && !o.blessing.is_empty()) {
-        text += &format!("\nto accept what was drawn: {}", report.bless_command());
-    }
-    text
 }

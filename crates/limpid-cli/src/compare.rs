@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use limpid_io::output;
-use limpid_io::output::{FileKind, Files, PictureFormat};
-use limpid_lab::compare;
+use limpid_io::output::Files;
+use limpid_lab::compare::{self, FlipMap};
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -27,33 +26,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     if let Some(path) = &args.diff {
         let mut files = Files::default();
         [&args.reference, &args.test].into_iter().for_each(|path| files.reads(path));
-        files.writes(path, FileKind::PICTURE)?;
-        if PictureFormat::of(path)? == PictureFormat::Exr {
-            let problem = "differences are an 8-bit picture: expected .png, .jpg or .webp";
-            return Err(limpid_io::Error::Usage(format!("{}: {problem}", path.display())).into());
-        }
+        FlipMap::check_output(path, &mut files)?;
     }
     let (comparison, map) = compare::compare_files(&args.reference, &args.test)?;
     if let Some(path) = &args.diff {
-        output::write_picture(path, &map.picture().into(), &[])?;
+        map.write(path)?;
     }
     let text =
-        if args.json { serde_json::to_string_pretty(&comparison)? } else { describe(&comparison) };
+        if args.json { serde_json::to_string_pretty(&comparison)? } else { comparison.to_string() };
     crate::terminal::print(&text)?;
     let differs = args.max_flip.is_some_and(|max| comparison.mean_flip > max);
     Ok(u8::from(differs))
-}
-
-fn describe(c: &compare::Comparison) -> String {
-    let distance = match c.psnr_db {
-        Some(psnr) => format!("RMSE {:.4}, PSNR {psnr:.2} dB", c.rmse),
-        None => "identical".to_owned(),
-    };
-    let w = &c.worst;
-    format!(
-        "mean FLIP {:.4}, 99th percentile {:.4}\n{distance}\nworst pixel ({}, {}): FLIP {:.3}, {:?} in the reference, {:?} in the test",
-        c.mean_flip, c.p99_flip, w.x, w.y, w.flip, w.reference, w.test
-    )
 }
 
 fn parse_share(text: &str) -> Result<f64, String> {

@@ -1,13 +1,12 @@
 //! The command `limpid report`.
 
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use limpid_io::device;
 use limpid_io::input;
-use limpid_io::output::{self, FileKind, Files};
+use limpid_io::output::{FileKind, Files};
 use limpid_lab::report::against::Measured;
-use limpid_lab::report::{self, Options, RowKind};
+use limpid_lab::report::{self, Options, Output, RowKind};
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -28,7 +27,7 @@ pub(crate) struct Args {
     width: Option<u32>,
     /// Measurements: intersect, smooth, caustics, picture (with its passes), passes, elisions
     /// [default: all].
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_kind)]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = str::parse::<RowKind>)]
     kinds: Vec<RowKind>,
     /// Measure only the time of each pass against its budget: --kinds passes.
     #[arg(long)]
@@ -46,58 +45,24 @@ pub(crate) struct Args {
     curve: Option<PathBuf>,
 }
 
-fn parse_kind(text: &str) -> Result<RowKind, String> {
-    match text {
-        "intersect" => Ok(RowKind::Intersect),
-        "smooth" => Ok(RowKind::Smooth),
-        "caustics" => Ok(RowKind::Caustics),
-        "picture" => Ok(RowKind::Picture),
-        "passes" => Ok(RowKind::Pass),
-        "elisions" => Ok(RowKind::Elision),
-        _ => Err("there are intersect, smooth, caustics, picture, passes and elisions".into()),
-    }
-}
-
-/// Header of a curve file.
-const CURVE: &str = "\
-# Written by `limpid report --curve crates/limpid-io/src/quality.toml`: settings, the error of their intersector (pixels),
-# mean FLIP against traced pictures, and the time of a frame over that with the defaults.
-";
-
-/// Checks the outputs before the measurements, which take minutes.
-fn check_outputs(args: &Args, json: &Path) -> anyhow::Result<()> {
-    let mut files = Files::default();
-    let scenes = args.scenes.iter().flat_map(input::files_of);
-    scenes.chain(args.against.clone()).for_each(|path| files.reads(&path));
-    if let Some(path) = &args.curve {
-        return Ok(files.writes(path, FileKind::CURVE)?);
-    }
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
-    files.writes(json, FileKind::MEASUREMENTS)?;
-    files.writes(&args.out.join("report.html"), FileKind::PAGE)?;
-    Ok(files.writes(&args.out.join("report.md"), FileKind::TABLES)?)
-}
-
 /// Exit code if an error has increased.
 const INCREASED: u8 = 1;
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
-    let json = args.json.clone().unwrap_or_else(|| args.out.join("report.json"));
+    let output = Output {
+        folder: args.out.clone(),
+        json: args.json.clone().unwrap_or_else(|| args.out.join("report.json")),
+    };
     let earlier = args.against.as_deref().map(Measured::read).transpose()?;
-    check_outputs(args, &json)?;
+    check_outputs(args, &output)?;
     let gpu = device::open()?;
     let mut progress = |step: &str| {
         if !crate::terminal::is_silent() {
             crate::terminal::print_line(&format!("report: {step}"));
         }
     };
-    let write = |path: &Path, kind: FileKind, text: &str| {
-        output::write_atomically(path, kind, |file| file.write_all(text.as_bytes()))
-    };
     if let Some(path) = &args.curve {
-        let curve = report::curve::measure(&gpu, &mut progress)?;
-        write(path, FileKind::CURVE, &format!("{CURVE}{}", toml::to_string(&curve)?))?;
+        report::curve::write(path, &report::curve::measure(&gpu, &mut progress)?)?;
         println!("{}", path.display());
         return Ok(crate::SUCCESS);
     }
@@ -106,19 +71,24 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     kinds.extend(args.elisions.then_some(RowKind::Elision));
     let options = Options { quick: args.quick, width: args.width, scenes, kinds };
     let report = report::measure(&gpu, &options, &mut progress)?;
-    write(&json, FileKind::MEASUREMENTS, &serde_json::to_string_pretty(&report)?)?;
-    write(&args.out.join("report.html"), FileKind::PAGE, &report::html(&report))?;
-    write(&args.out.join("report.md"), FileKind::TABLES, &report::markdown(&report))?;
-    for figure in &report.figures {
-        for (number, (_, picture)) in figure.panels.iter().enumerate() {
-            let name = format!("{}-{number}.png", figure.scene.replace(':', "-"));
-            output::write_png(&args.out.join(name), picture)?;
-        }
-    }
-    println!("{}", args.out.join("report.html").display());
+    output.write(&report)?;
+    println!("{}", output.page().display());
     let Some(earlier) = earlier else { return Ok(crate::SUCCESS) };
     let against = Measured::of(&report).against(&earlier);
     println!("{against}");
     let increased = against.risen().next().is_some();
     Ok(if increased { INCREASED } else { crate::SUCCESS })
+}
+
+/// Checks the outputs before the measurements, which take minutes.
+fn check_outputs(args: &Args, output: &Output) -> anyhow::Result<()> {
+    let mut files = Files::default();
+    let scenes = args.scenes.iter().flat_map(input::files_of);
+    scenes.chain(args.against.clone()).for_each(|path| files.reads(&path));
+    if let Some(path) = &args.curve {
+        return Ok(files.writes(path, FileKind::CURVE)?);
+    }
+    std::fs::create_dir_all(&args.out)
+        .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
+    Ok(output.check(&mut files)?)
 }

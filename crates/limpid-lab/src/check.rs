@@ -289,6 +289,24 @@ impl Suite {
     }
 }
 
+impl Suite {
+    /// Checks the outputs of a run before anything is drawn: the folder of [`Report::write`], and the file of
+    /// [`Report::write_junit`].
+    ///
+    /// # Errors
+    /// As [`Files::writes`] and [`output::check_folder`].
+    pub fn check_outputs(&self, folder: &Path, junit: Option<&Path>) -> Result<()> {
+        let mut files = self.files();
+        if let Some(path) = junit {
+            files.writes(path, FileKind::JUNIT)?;
+        }
+        match folder.exists() {
+            true => files.writes(&folder.join("index.html"), FileKind::PAGE),
+            false => output::check_folder(folder),
+        }
+    }
+}
+
 impl Report {
     /// The number of entries with this verdict.
     pub fn count(&self, verdict: Verdict) -> usize {
@@ -388,6 +406,45 @@ impl Report {
     /// The report as `JUnit` XML, for CI systems.
     pub fn junit(&self) -> String {
         junit::junit(self)
+    }
+
+    /// Writes [`Report::junit`].
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file.
+    pub fn write_junit(&self, path: &Path) -> Result<()> {
+        let xml = self.junit();
+        output::write_atomically(path, FileKind::JUNIT, |file| {
+            std::io::Write::write_all(file, xml.as_bytes())
+        })
+    }
+
+    /// The end of the listing: how many entries have which verdict, what was blessed, and where `results` are.
+    pub fn summary(&self, results: Option<&Path>) -> String {
+        let counts = [
+            (Verdict::Passed, "passed"),
+            (Verdict::Blessed, "blessed"),
+            (Verdict::Failed, "failed"),
+            (Verdict::Error, "could not be compared"),
+        ];
+        let counts = counts.into_iter().filter_map(|(verdict, word)| match self.count(verdict) {
+            0 => None,
+            count => Some(format!("{count} {word}")),
+        });
+        let counts = counts.collect::<Vec<_>>().join(", ");
+        let mut text = format!("\n{counts} in {:.1} s on {}", self.seconds, self.adapter);
+        for outcome in self.outcomes.iter().filter(|outcome| outcome.blessed) {
+            for (path, _) in &outcome.blessing {
+                text += &format!("\nwrote {}", path.display());
+            }
+        }
+        if let Some(folder) = results {
+            text += &format!("\nsee {}", folder.join("index.html").display());
+        }
+        if self.outcomes.iter().any(|o| !o.blessed && !o.blessing.is_empty()) {
+            text += &format!("\nto accept what was drawn: {}", self.bless_command());
+        }
+        text
     }
 
     /// The report as JSON.

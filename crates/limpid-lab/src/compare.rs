@@ -7,6 +7,7 @@
 
 mod flip;
 
+use std::fmt;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -15,6 +16,7 @@ use serde::Serialize;
 
 use limpid_io::error::{Error, Location, Result};
 use limpid_io::files;
+use limpid_io::output::{self, FileKind, Files, PictureFormat};
 
 pub use flip::{PIXELS_PER_DEGREE, flip};
 
@@ -33,6 +35,21 @@ pub struct Comparison {
     pub worst: Worst,
     /// The greatest difference of any channel of any pixel, in levels of 255.
     pub max_channel_error: u8,
+}
+
+impl fmt::Display for Comparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "mean FLIP {:.4}, 99th percentile {:.4}", self.mean_flip, self.p99_flip)?;
+        match self.psnr_db {
+            Some(psnr) => writeln!(f, "RMSE {:.4}, PSNR {psnr:.2} dB", self.rmse)?,
+            None => writeln!(f, "identical")?,
+        }
+        let Worst { x, y, flip, reference, test } = self.worst;
+        write!(
+            f,
+            "worst pixel ({x}, {y}): FLIP {flip:.3}, {reference:?} in the reference, {test:?} in the test"
+        )
+    }
 }
 
 /// The pixel with the greatest FLIP; of equals the first in reading order.
@@ -98,6 +115,27 @@ impl FlipMap {
         RgbImage::from_fn(self.width, self.height, |x, y| {
             magma(self.values[y as usize * self.width as usize + x as usize])
         })
+    }
+
+    /// Checks the file of [`FlipMap::write`]; `files` has what is read.
+    ///
+    /// # Errors
+    /// As [`Files::writes`]; [`Error::Usage`] for a format without 8 bits.
+    pub fn check_output(path: &Path, files: &mut Files) -> Result<()> {
+        files.writes(path, FileKind::PICTURE)?;
+        if PictureFormat::of(path)? == PictureFormat::Exr {
+            let problem = "differences are an 8-bit picture: expected .png, .jpg or .webp";
+            return Err(Error::Usage(format!("{}: {problem}", path.display())));
+        }
+        Ok(())
+    }
+
+    /// Writes [`FlipMap::picture`].
+    ///
+    /// # Errors
+    /// As [`output::write_picture`].
+    pub fn write(&self, path: &Path) -> Result<()> {
+        output::write_picture(path, &self.picture().into(), &[])
     }
 
     fn pixels(&self) -> impl Iterator<Item = (u32, u32, f32)> {

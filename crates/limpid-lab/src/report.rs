@@ -24,6 +24,7 @@ pub mod flicker;
 mod html;
 pub mod intersect;
 mod markdown;
+mod output;
 pub mod passes;
 pub mod picture;
 mod plot;
@@ -38,6 +39,7 @@ pub mod subjects;
 
 pub use html::html;
 pub use markdown::markdown;
+pub use output::Output;
 pub use plot::pareto;
 pub use rows::{ErrorKind, Figure, Orders, Row, RowKind, Stress};
 

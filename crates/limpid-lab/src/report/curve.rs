@@ -1,10 +1,13 @@
 //! The measurements that `limpid render --max-error` and `--budget` choose from: settings with
 //! their error and cost, `crates/limpid-io/src/quality.toml`.
 
+use std::path::Path;
+
 use glam::DVec3;
 use image::RgbImage;
 
 use super::intersect::{Bench, Method, Target, ViewLayers, hit_error, truths, world_from_view};
+use super::output::write_text;
 use super::rows::median;
 use super::subjects::{self, Subject};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
@@ -18,6 +21,7 @@ use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 use limpid::settings::Settings;
 use limpid_io::error::Result;
+use limpid_io::output::FileKind;
 use limpid_io::project::overrides::replaced;
 use limpid_io::quality::{Choice, Curve};
 
@@ -110,6 +114,21 @@ pub fn measure(gpu: &Gpu, progress: &mut dyn FnMut(&str)) -> Result<Curve> {
         pictures: front.cloned().collect(),
         intersectors,
     })
+}
+
+/// First lines of the file.
+const HEADER: &str = "\
+# Written by `limpid report --curve crates/limpid-io/src/quality.toml`: settings, the error of their intersector (pixels),
+# mean FLIP against traced pictures, and the time of a frame over that with the defaults.
+";
+
+/// Writes the curve.
+///
+/// # Errors
+/// [`Error::Io`](limpid_io::Error::Io) naming the file.
+pub fn write(path: &Path, curve: &Curve) -> Result<()> {
+    let text = toml::to_string(curve).expect("a curve has names and numbers");
+    write_text(path, FileKind::CURVE, &format!("{HEADER}{text}"))
 }
 
 /// Renders with each of the settings and adds FLIP and cost. The first of each list are the

@@ -1,5 +1,7 @@
 //! The contents of a report: rows of numbers, and the figures that go with them.
 
+use std::str::FromStr;
+
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +21,23 @@ pub enum RowKind {
     Pass,
     /// The time saved by skipping work: [`Elision`](super::elisions::Elision).
     Elision,
+}
+
+impl FromStr for RowKind {
+    type Err = &'static str;
+
+    /// Reads a kind as `limpid report --kinds` names it.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            "intersect" => Ok(Self::Intersect),
+            "smooth" => Ok(Self::Smooth),
+            "caustics" => Ok(Self::Caustics),
+            "picture" => Ok(Self::Picture),
+            "passes" => Ok(Self::Pass),
+            "elisions" => Ok(Self::Elision),
+            _ => Err("there are intersect, smooth, caustics, picture, passes and elisions"),
+        }
+    }
 }
 
 /// One measurement. Fields that do not apply to its kind, or could not be measured, are absent.
