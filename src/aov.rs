@@ -7,7 +7,7 @@ use glam::UVec2;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::gpu::{self, Gpu};
+use crate::gpu::Gpu;
 use crate::passes::Layers;
 use crate::passes::caustics::CausticMap;
 use crate::passes::surface::SurfaceImages;
@@ -199,7 +199,7 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
 
 /// The texels of one layer of a texture.
 async fn texels(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<[f32; 4]>> {
-    let bytes = gpu::begin_reading(gpu, texture, layer).finish(gpu).await?;
+    let bytes = gpu.begin_reading(texture, layer).finish(gpu).await?;
     Ok(bytemuck::pod_collect_to_vec(&bytes))
 }
 

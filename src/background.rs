@@ -6,7 +6,7 @@ use glam::{DVec2, UVec2};
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::gpu::{self, Gpu};
+use crate::gpu::Gpu;
 use crate::memory;
 use crate::mesh::{Texture, linear_from_srgb};
 
@@ -41,7 +41,7 @@ impl Background {
         memory::probe(size.x as usize * size.y as usize * size_of::<[f32; 4]>(), "the background")?;
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
         let format = wgpu::TextureFormat::Rgba32Float;
-        let image = gpu::texture(gpu, "background", size, 1, format, usage);
+        let image = gpu.texture("background", size, 1, format, usage);
         let pixels = fitted(texture, size);
         gpu.queue.write_texture(
             image.as_image_copy(),

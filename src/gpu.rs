@@ -26,14 +26,11 @@ pub use binding::{
 #[doc(hidden)]
 pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};
+#[doc(hidden)]
+pub use compiled::Bound;
 use compiled::Compiled;
 #[doc(hidden)]
-pub use compiled::{Bound, bind, compute_pipeline, module_pipeline};
-#[doc(hidden)]
-pub use readback::{Pending, Reading, begin_reading, begin_reading_buffer, read_mapped};
-#[doc(hidden)]
-#[cfg(not(target_arch = "wasm32"))]
-pub use readback::{read_buffer, read_texture};
+pub use readback::{Pending, Reading, read_mapped};
 #[doc(hidden)]
 pub use shader::Grain;
 pub use timer::{PassTime, SubmittedTimes};
@@ -402,27 +399,85 @@ fn error_chain(error: &dyn std::error::Error) -> String {
     text.trim_end_matches('.').to_owned()
 }
 
-/// Creates a buffer with `contents`, whose size in bytes must be a multiple of 4.
-#[doc(hidden)]
-pub fn buffer_with<T: bytemuck::NoUninit>(
-    gpu: &Gpu,
-    label: &str,
-    usage: wgpu::BufferUsages,
-    contents: &[T],
-) -> wgpu::Buffer {
-    let bytes: &[u8] = bytemuck::cast_slice(contents);
-    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(label),
-        size: bytes.len() as u64,
-        usage,
-        mapped_at_creation: true,
-    });
-    // Mapping fails if the allocation failed, which [`Gpu::check`] reports.
-    if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
-        mapped.copy_from_slice(bytes);
+/// What needs the device is a method; what does not, a function.
+impl Gpu {
+    /// Creates a buffer with `contents`, whose size in bytes must be a multiple of 4.
+    #[doc(hidden)]
+    pub fn buffer_with<T: bytemuck::NoUninit>(
+        &self,
+        label: &str,
+        usage: wgpu::BufferUsages,
+        contents: &[T],
+    ) -> wgpu::Buffer {
+        let bytes: &[u8] = bytemuck::cast_slice(contents);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.len() as u64,
+            usage,
+            mapped_at_creation: true,
+        });
+        // Mapping fails if the allocation failed, which [`Gpu::check`] reports.
+        if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
+            mapped.copy_from_slice(bytes);
+        }
+        buffer.unmap();
+        buffer
     }
-    buffer.unmap();
-    buffer
+
+    /// Creates a uniform buffer for one `T`, to be filled by [`wgpu::Queue::write_buffer`].
+    #[doc(hidden)]
+    pub fn uniform_buffer<T: bytemuck::NoUninit>(&self, label: &str) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: size_of::<T>() as u64,
+            usage: UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Creates a texture with `layers` layers.
+    #[doc(hidden)]
+    pub fn texture(
+        &self,
+        label: &str,
+        size: UVec2,
+        layers: u32,
+        format: wgpu::TextureFormat,
+        usage: wgpu::TextureUsages,
+    ) -> wgpu::Texture {
+        self.mipped_texture(label, size, layers, 1, format, usage)
+    }
+
+    /// As [`Gpu::texture`], with mip levels.
+    #[doc(hidden)]
+    pub fn mipped_texture(
+        &self,
+        label: &str,
+        size: UVec2,
+        layers: u32,
+        levels: u32,
+        format: wgpu::TextureFormat,
+        usage: wgpu::TextureUsages,
+    ) -> wgpu::Texture {
+        self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
+            mip_level_count: levels,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage,
+            view_formats: &[],
+        })
+    }
+
+    /// Layer count of a texture that shaders read as an array: at least two on OpenGL, where a texture with
+    /// one layer is not an array.
+    #[doc(hidden)]
+    pub fn array_layers(&self, layers: u32) -> u32 {
+        let least = if self.device.adapter_info().backend == wgpu::Backend::Gl { 2 } else { 1 };
+        layers.max(least)
+    }
 }
 
 /// Usages of a buffer that a shader reads as `var<uniform>`; see [`Gpu::uniforms_are_stored`].
@@ -430,66 +485,11 @@ pub fn buffer_with<T: bytemuck::NoUninit>(
 pub const UNIFORM: wgpu::BufferUsages =
     wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::STORAGE);
 
-/// Creates a uniform buffer for one `T`, to be filled by [`wgpu::Queue::write_buffer`].
-#[doc(hidden)]
-pub fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> wgpu::Buffer {
-    gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(label),
-        size: size_of::<T>() as u64,
-        usage: UNIFORM | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    })
-}
-
 /// Binds the first `bytes` of a buffer, which determines the array length in shaders.
 #[doc(hidden)]
 pub fn first_bytes(buffer: &wgpu::Buffer, bytes: u64) -> wgpu::BindingResource<'_> {
     let size = wgpu::BufferSize::new(bytes);
     wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
-}
-
-/// Creates a texture with `layers` layers.
-#[doc(hidden)]
-pub fn texture(
-    gpu: &Gpu,
-    label: &str,
-    size: UVec2,
-    layers: u32,
-    format: wgpu::TextureFormat,
-    usage: wgpu::TextureUsages,
-) -> wgpu::Texture {
-    mipped_texture(gpu, label, size, layers, 1, format, usage)
-}
-
-/// As [`texture`], with mip levels.
-#[doc(hidden)]
-pub fn mipped_texture(
-    gpu: &Gpu,
-    label: &str,
-    size: UVec2,
-    layers: u32,
-    levels: u32,
-    format: wgpu::TextureFormat,
-    usage: wgpu::TextureUsages,
-) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
-        mip_level_count: levels,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage,
-        view_formats: &[],
-    })
-}
-
-/// Layer count of a texture that shaders read as an array: at least two on OpenGL, where a texture with
-/// one layer is not an array.
-#[doc(hidden)]
-pub fn array_layers(gpu: &Gpu, layers: u32) -> u32 {
-    let least = if gpu.device.adapter_info().backend == wgpu::Backend::Gl { 2 } else { 1 };
-    layers.max(least)
 }
 
 /// Creates the view of all layers of an array texture.
@@ -525,25 +525,6 @@ pub fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
         array_layer_count: Some(1),
         mip_level_count: Some(1),
         ..Default::default()
-    })
-}
-
-/// Creates a bind group with `resources` at bindings 0, 1, ….
-#[doc(hidden)]
-pub fn bind_group(
-    gpu: &Gpu,
-    label: &str,
-    layout: &wgpu::BindGroupLayout,
-    resources: &[wgpu::BindingResource<'_>],
-) -> wgpu::BindGroup {
-    let entries: Vec<_> = (0u32..)
-        .zip(resources)
-        .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
-        .collect();
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some(label),
-        layout,
-        entries: &entries,
     })
 }
 

@@ -4,7 +4,7 @@ use glam::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
 
 use crate::error::{Limited, Result};
-use crate::gpu::{self, Commands, Gpu, Timer};
+use crate::gpu::{Commands, Gpu, Timer};
 use crate::light_view::{CUBE, LightView, PlacedView};
 use crate::liquid::bulk::{self, Bulk};
 use crate::liquid::classify::{Splat, Splats};
@@ -69,7 +69,7 @@ impl Lights {
         let Some(last) = self.views.last() else { return Ok(Vec::new()) };
         let size = UVec2::splat(settings.resolution);
         gpu.check_image(size, Limited::CausticMap)?;
-        let layers = gpu::array_layers(gpu, (last.layer + 1).max(self.count as u32));
+        let layers = gpu.array_layers((last.layer + 1).max(self.count as u32));
         let fits_maps = |maps: &LightMaps| {
             maps.maps.width() == size.x && maps.maps.depth_or_array_layers() == layers
         };
@@ -77,7 +77,7 @@ impl Lights {
             let usage = wgpu::TextureUsages::STORAGE_BINDING
                 | wgpu::TextureUsages::TEXTURE_BINDING
                 | wgpu::TextureUsages::COPY_SRC;
-            let new = |label| gpu::texture(gpu, label, size, layers, Layers::FORMAT, usage);
+            let new = |label| gpu.texture(label, size, layers, Layers::FORMAT, usage);
             self.maps =
                 Some(LightMaps { maps: new("caustic maps"), receivers: new("caustic receivers") });
         }

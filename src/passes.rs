@@ -65,7 +65,7 @@ impl Layers {
         levels: u32,
         usage: wgpu::TextureUsages,
     ) -> Self {
-        let texture = gpu::mipped_texture(gpu, label, size, layers, levels, Self::FORMAT, usage);
+        let texture = gpu.mipped_texture(label, size, layers, levels, Self::FORMAT, usage);
         Self::of(texture)
     }
 
@@ -105,10 +105,10 @@ pub struct CameraBinding {
 
 impl CameraBinding {
     pub fn new(gpu: &Gpu, orthographic: bool) -> Self {
-        let buffer = gpu::uniform_buffer::<CameraUniform>(gpu, "camera");
+        let buffer = gpu.uniform_buffer::<CameraUniform>("camera");
         let bindings = [gpu::uniform::<CameraUniform>()];
         let layout = gpu.layout("camera", wgpu::ShaderStages::COMPUTE, &bindings);
-        let group = gpu::bind_group(gpu, "camera", &layout, &[buffer.as_entire_binding()]);
+        let group = gpu.bind_group("camera", &layout, &[buffer.as_entire_binding()]);
         Self { buffer, layout, group, orthographic }
     }
 

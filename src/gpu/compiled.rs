@@ -93,71 +93,92 @@ pub struct Bound {
     pub group: wgpu::BindGroup,
 }
 
-/// Binds resources of these types to bindings 0, 1, … of compute shaders.
-#[doc(hidden)]
-pub fn bind(
-    gpu: &Gpu,
-    label: &str,
-    bindings: &[(wgpu::BindingType, wgpu::BindingResource<'_>)],
-) -> Bound {
-    let types: Vec<_> = bindings.iter().map(|(ty, _)| *ty).collect();
-    let resources: Vec<_> = bindings.iter().map(|(_, resource)| resource.clone()).collect();
-    let layout = gpu.layout(label, wgpu::ShaderStages::COMPUTE, &types);
-    let group = super::bind_group(gpu, label, &layout, &resources);
-    Bound { layout, group }
-}
-
-/// The compute pipeline of an entry point of a shader file, specialised by `constants`.
-#[doc(hidden)]
-pub fn compute_pipeline(
-    gpu: &Gpu,
-    shader: &str,
-    entry_point: &str,
-    layouts: &[&wgpu::BindGroupLayout],
-    constants: &[(&str, f64)],
-) -> wgpu::ComputePipeline {
-    let module = gpu.module(shader, Variant::default());
-    module_pipeline(gpu, shader, &module, entry_point, layouts, constants)
-}
-
-/// As [`compute_pipeline`], from an existing module.
-#[doc(hidden)]
-pub fn module_pipeline(
-    gpu: &Gpu,
-    shader: &str,
-    module: &wgpu::ShaderModule,
-    entry_point: &str,
-    layouts: &[&wgpu::BindGroupLayout],
-    constants: &[(&str, f64)],
-) -> wgpu::ComputePipeline {
-    let bits = |&(name, value): &(&str, f64)| (name.to_owned(), value.to_bits());
-    let kernel = Kernel {
-        module: module.clone(),
-        entry_point: entry_point.to_owned(),
-        layouts: layouts.iter().copied().cloned().collect(),
-        constants: constants.iter().map(bits).collect(),
-    };
-    if let Some(known) = locked(&gpu.compiled.pipelines).get(&kernel) {
-        return known.clone();
+impl Gpu {
+    /// Binds resources of these types to bindings 0, 1, … of compute shaders.
+    #[doc(hidden)]
+    pub fn bind(
+        &self,
+        label: &str,
+        bindings: &[(wgpu::BindingType, wgpu::BindingResource<'_>)],
+    ) -> Bound {
+        let types: Vec<_> = bindings.iter().map(|(ty, _)| *ty).collect();
+        let resources: Vec<_> = bindings.iter().map(|(_, resource)| resource.clone()).collect();
+        let layout = self.layout(label, wgpu::ShaderStages::COMPUTE, &types);
+        let group = self.bind_group(label, &layout, &resources);
+        Bound { layout, group }
     }
-    // Not under the lock: others compile at the same time.
-    let layouts: Vec<_> = layouts.iter().map(|&layout| Some(layout)).collect();
-    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(shader),
-        bind_group_layouts: &layouts,
-        immediate_size: 0,
-    });
-    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(&format!("{shader} {entry_point}")),
-        layout: Some(&layout),
-        module,
-        entry_point: Some(entry_point),
-        compilation_options: wgpu::PipelineCompilationOptions {
-            constants,
-            // No shader reads uninitialised workgroup memory.
-            zero_initialize_workgroup_memory: false,
-        },
-        cache: gpu.cache(),
-    });
-    locked(&gpu.compiled.pipelines).entry(kernel).or_insert(pipeline).clone()
+
+    /// Creates a bind group with `resources` at bindings 0, 1, ….
+    #[doc(hidden)]
+    pub fn bind_group(
+        &self,
+        label: &str,
+        layout: &wgpu::BindGroupLayout,
+        resources: &[wgpu::BindingResource<'_>],
+    ) -> wgpu::BindGroup {
+        let entries: Vec<_> = (0u32..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+            .collect();
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(label),
+            layout,
+            entries: &entries,
+        })
+    }
+
+    /// The compute pipeline of an entry point of a shader file, specialised by `constants`.
+    #[doc(hidden)]
+    pub fn compute_pipeline(
+        &self,
+        shader: &str,
+        entry_point: &str,
+        layouts: &[&wgpu::BindGroupLayout],
+        constants: &[(&str, f64)],
+    ) -> wgpu::ComputePipeline {
+        let module = self.module(shader, Variant::default());
+        self.module_pipeline(shader, &module, entry_point, layouts, constants)
+    }
+
+    /// As [`Gpu::compute_pipeline`], from an existing module.
+    #[doc(hidden)]
+    pub fn module_pipeline(
+        &self,
+        shader: &str,
+        module: &wgpu::ShaderModule,
+        entry_point: &str,
+        layouts: &[&wgpu::BindGroupLayout],
+        constants: &[(&str, f64)],
+    ) -> wgpu::ComputePipeline {
+        let bits = |&(name, value): &(&str, f64)| (name.to_owned(), value.to_bits());
+        let kernel = Kernel {
+            module: module.clone(),
+            entry_point: entry_point.to_owned(),
+            layouts: layouts.iter().copied().cloned().collect(),
+            constants: constants.iter().map(bits).collect(),
+        };
+        if let Some(known) = locked(&self.compiled.pipelines).get(&kernel) {
+            return known.clone();
+        }
+        // Not under the lock: others compile at the same time.
+        let layouts: Vec<_> = layouts.iter().map(|&layout| Some(layout)).collect();
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(shader),
+            bind_group_layouts: &layouts,
+            immediate_size: 0,
+        });
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(&format!("{shader} {entry_point}")),
+            layout: Some(&layout),
+            module,
+            entry_point: Some(entry_point),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants,
+                // No shader reads uninitialised workgroup memory.
+                zero_initialize_workgroup_memory: false,
+            },
+            cache: self.cache(),
+        });
+        locked(&self.compiled.pipelines).entry(kernel).or_insert(pipeline).clone()
+    }
 }

@@ -7,20 +7,65 @@ use std::task::{Context, Poll, Waker};
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// Reads a buffer that has `COPY_SRC` usage, waiting for the device.
-#[cfg(not(target_arch = "wasm32"))]
-pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
-    begin_reading_buffer(gpu, buffer).wait(gpu)
-}
+impl Gpu {
+    /// Reads a buffer that has `COPY_SRC` usage, waiting for the device.
+    #[cfg(not(target_arch = "wasm32"))]
+    #[doc(hidden)]
+    pub fn read_buffer(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
+        self.begin_reading_buffer(buffer).wait(self)
+    }
 
-/// Starts to read a buffer that has `COPY_SRC` usage.
-pub fn begin_reading_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Reading {
-    let row = buffer.size();
-    let staging = staging(gpu, row);
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, row);
-    let submission = gpu.queue.submit([encoder.finish()]);
-    Reading { staging, padded_row: row, row, submission }
+    /// Starts to read a buffer that has `COPY_SRC` usage.
+    #[doc(hidden)]
+    pub fn begin_reading_buffer(&self, buffer: &wgpu::Buffer) -> Reading {
+        let row = buffer.size();
+        let staging = staging(self, row);
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, row);
+        let submission = self.queue.submit([encoder.finish()]);
+        Reading { staging, padded_row: row, row, submission }
+    }
+
+    /// Reads one layer of a texture that has `COPY_SRC` usage, as rows without padding, waiting for the device.
+    #[cfg(not(target_arch = "wasm32"))]
+    #[doc(hidden)]
+    pub fn read_texture(&self, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>> {
+        self.begin_reading(texture, layer).wait(self)
+    }
+
+    /// Starts to read one layer of a texture that has `COPY_SRC` usage, as rows without padding.
+    #[doc(hidden)]
+    pub fn begin_reading(&self, texture: &wgpu::Texture, layer: u32) -> Reading {
+        let texel =
+            texture.format().block_copy_size(None).expect("colour formats have a texel size");
+        let row = u64::from(texture.width()) * u64::from(texel);
+        let padded_row = padded(row);
+        let staging = staging(self, padded_row * u64::from(texture.height()));
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_texture_to_buffer(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                aspect: wgpu::TextureAspect::All,
+            },
+            wgpu::TexelCopyBufferInfo {
+                buffer: &staging,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(padded_row as u32),
+                    rows_per_image: None,
+                },
+            },
+            wgpu::Extent3d {
+                width: texture.width(),
+                height: texture.height(),
+                depth_or_array_layers: 1,
+            },
+        );
+        let submission = self.queue.submit([encoder.finish()]);
+        Reading { staging, padded_row, row, submission }
+    }
 }
 
 /// A pending readback of the rows of a texture, or of a buffer as one row. Later submissions do not
@@ -31,44 +76,6 @@ pub struct Reading {
     padded_row: u64,
     row: u64,
     submission: wgpu::SubmissionIndex,
-}
-
-/// Reads one layer of a texture that has `COPY_SRC` usage, as rows without padding, waiting for the device.
-#[cfg(not(target_arch = "wasm32"))]
-pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>> {
-    begin_reading(gpu, texture, layer).wait(gpu)
-}
-
-/// Starts to read one layer of a texture that has `COPY_SRC` usage, as rows without padding.
-pub fn begin_reading(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Reading {
-    let texel = texture.format().block_copy_size(None).expect("colour formats have a texel size");
-    let row = u64::from(texture.width()) * u64::from(texel);
-    let padded_row = padded(row);
-    let staging = staging(gpu, padded_row * u64::from(texture.height()));
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.copy_texture_to_buffer(
-        wgpu::TexelCopyTextureInfo {
-            texture,
-            mip_level: 0,
-            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
-            aspect: wgpu::TextureAspect::All,
-        },
-        wgpu::TexelCopyBufferInfo {
-            buffer: &staging,
-            layout: wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(padded_row as u32),
-                rows_per_image: None,
-            },
-        },
-        wgpu::Extent3d {
-            width: texture.width(),
-            height: texture.height(),
-            depth_or_array_layers: 1,
-        },
-    );
-    let submission = gpu.queue.submit([encoder.finish()]);
-    Reading { staging, padded_row, row, submission }
 }
 
 /// Row pitch that a texture copy requires, bytes.

@@ -190,7 +190,7 @@ pub struct Variant {
     /// Vulkan recompiles the shader in every frame. It reads storage lane by lane, so all other
     /// uniforms stay uniforms.
     pub stored_uniforms: bool,
-    /// `$layers`: layers are bound as storage textures, see [`Gpu::layers_are_stored`]; then `$level` and
+    /// `$layers`: layers are bound as storage textures, see [`layers_are_stored`](super::Gpu::layers_are_stored); then `$level` and
     /// `$at_level`, which follow a texel's layer, are nothing instead of mip level 0 and `level`.
     pub stored_layers: bool,
     /// Layers are sampled textures on any device, because their mip levels are read.

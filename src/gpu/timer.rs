@@ -75,7 +75,7 @@ impl Timer {
     #[cfg(not(target_arch = "wasm32"))]
     pub fn read(&self, gpu: &Gpu, resolved: Option<&wgpu::Buffer>) -> Result<Vec<PassTime>> {
         let Some(buffer) = resolved else { return Ok(Vec::new()) };
-        Ok(self.times(gpu, &super::read_buffer(gpu, buffer)?))
+        Ok(self.times(gpu, &gpu.read_buffer(buffer)?))
     }
 
     /// The spans' times, from the bytes of a resolved buffer.

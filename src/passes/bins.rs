@@ -301,7 +301,7 @@ impl Bins {
             let constants = constants([i == 0, i + 1 == count]);
             let constants = [&camera.constants()[..], &constants].concat();
             let layouts = [&camera.layout, &splats, &chunk.bands[0].read.layout, own];
-            gpu::compute_pipeline(gpu, shader, entry, &layouts, &constants)
+            gpu.compute_pipeline(shader, entry, &layouts, &constants)
         };
         self.classes[class].iter().enumerate().map(pipeline).collect()
     }
@@ -403,11 +403,11 @@ impl Pipelines {
         let pipeline = |shader: &str, entry: &str, own| {
             let layouts = [&camera.layout, &splats, own];
             let constants = if own == project { &camera.constants()[..] } else { &[] };
-            gpu::compute_pipeline(gpu, shader, entry, &layouts, constants)
+            gpu.compute_pipeline(shader, entry, &layouts, constants)
         };
         let scan = |entry: &str| {
             let constants = [("FIRST", 1.0), ("LAST", 1.0)];
-            gpu::compute_pipeline(gpu, "bins/scan.wgsl", entry, &[&chunk.scan.layout], &constants)
+            gpu.compute_pipeline("bins/scan.wgsl", entry, &[&chunk.scan.layout], &constants)
         };
         Self {
             project: pipeline("bins/project.wgsl", "project", project),
@@ -473,7 +473,7 @@ impl Buffers {
         if self.everything.as_ref().is_none_or(|list| list.size() < bytes) {
             let numbers: Vec<u32> = (0..count.max(1)).collect();
             let storage = wgpu::BufferUsages::STORAGE;
-            self.everything = Some(gpu::buffer_with(gpu, "all splats", storage, &numbers));
+            self.everything = Some(gpu.buffer_with("all splats", storage, &numbers));
         }
     }
 }
@@ -498,7 +498,7 @@ impl Chunk {
         let cursors = gpu::first_bytes(&buffers.cursors, 8 * tiles);
         let blocks = gpu::first_bytes(&buffers.blocks, 4 * tiles.div_ceil(BLOCK.into()));
         let uniform = |band: u32, rest: u32| {
-            gpu::buffer_with(gpu, "bins", gpu::UNIFORM, &[Params { band, rest, ..params }])
+            gpu.buffer_with("bins", gpu::UNIFORM, &[Params { band, rest, ..params }])
         };
         let of_params = gpu.branching::<Params>();
         let first = uniform(0, 0);
@@ -519,8 +519,8 @@ impl Chunk {
             (written(word), whole(filled)),
             (written(32), whole(&buffers.dispatches)),
         ];
-        let project = gpu::bind(gpu, "projected splats", &project);
-        let scan = gpu::bind(gpu, "scanned bins", &scan);
+        let project = gpu.bind("projected splats", &project);
+        let scan = gpu.bind("scanned bins", &scan);
         let lists = |uniform: &wgpu::Buffer, list: &wgpu::Buffer| {
             let lists = [
                 (of_params, whole(uniform)),
@@ -530,7 +530,7 @@ impl Chunk {
                 (read(word), whole(list)),
                 (read(pair), whole(busy)),
             ];
-            gpu::bind(gpu, "bins", &lists)
+            gpu.bind("bins", &lists)
         };
         let rest = buffers.everything.as_ref().map(|all| lists(&uniform(bands, 1), all));
         let bands = (0..bands).map(|band| {
@@ -543,13 +543,13 @@ impl Chunk {
                 (written(word), whole(list)),
                 (read(pair), whole(large)),
             ];
-            Band { fill: gpu::bind(gpu, "filled bins", &fill), read: lists(&uniform, list) }
+            Band { fill: gpu.bind("filled bins", &fill), read: lists(&uniform, list) }
         });
         let bands = bands.collect();
         let [first, last] = ends.map(|end| f64::from(u8::from(end)));
         let constants = [("FIRST", first), ("LAST", last)];
         let scan_pipeline =
-            gpu::compute_pipeline(gpu, "bins/scan.wgsl", "scan", &[&scan.layout], &constants);
+            gpu.compute_pipeline("bins/scan.wgsl", "scan", &[&scan.layout], &constants);
         let most_groups = match gpu.grain() {
             Grain::Pixel => 256,
             Grain::Column => 8,
@@ -580,5 +580,5 @@ fn create_filled(gpu: &Gpu, size: UVec2) -> wgpu::Buffer {
 
 fn create_state(gpu: &Gpu, size: UVec2) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::STORAGE_BINDING;
-    gpu::texture(gpu, "chunk state", size, STATES, wgpu::TextureFormat::R32Uint, usage)
+    gpu.texture("chunk state", size, STATES, wgpu::TextureFormat::R32Uint, usage)
 }

@@ -36,13 +36,13 @@ impl Bounds {
                 (gpu::storage_of(8), tiles.section(&tiles.background, section)),
                 (gpu::storage_texture(Layers::FORMAT, D2), TextureView(output)),
             ];
-            gpu::bind(gpu, "bounds", &bindings)
+            gpu.bind("bounds", &bindings)
         };
         let sections: Vec<_> = tiles.sections().map(bind).collect();
         let splash = [("SPLASH", f64::from(u8::from(splash.is_some())))];
         let constants = [&camera.constants()[..], &splash].concat();
         let layouts = [&camera.layout, &sections[0].layout];
-        let pipeline = gpu::compute_pipeline(gpu, "bounds.wgsl", "bound", &layouts, &constants);
+        let pipeline = gpu.compute_pipeline("bounds.wgsl", "bound", &layouts, &constants);
         Self { pipeline, sections, groups: tiles.groups_of_eight() }
     }
 
@@ -71,5 +71,5 @@ impl Bounds {
 pub fn create_view(gpu: &Gpu, size: UVec2) -> wgpu::TextureView {
     let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
     let tiles = size.map(|n| n.div_ceil(TILE));
-    gpu::texture(gpu, "bounds", tiles, 1, Layers::FORMAT, usage).create_view(&Default::default())
+    gpu.texture("bounds", tiles, 1, Layers::FORMAT, usage).create_view(&Default::default())
 }

@@ -252,14 +252,13 @@ impl Caustics {
     ) {
         let buffers = &self.buffers;
         let (gpu, params) = (commands.gpu, inputs.params);
-        let uniform = |label: &str, bytes: &[u8]| gpu::buffer_with(gpu, label, gpu::UNIFORM, bytes);
+        let uniform = |label: &str, bytes: &[u8]| gpu.buffer_with(label, gpu::UNIFORM, bytes);
         let refract = refract::Params::new(scene, &scene.settings.refract, radius);
         let refract = uniform("light view", bytemuck::bytes_of(&refract));
         let planes = gpu::layer_view(&inputs.gbuffer.planes, 0);
         let splash = inputs.splash.unwrap_or(inputs.aggregate);
         let texture = wgpu::BindingResource::TextureView;
-        let light_view = gpu::bind_group(
-            gpu,
+        let light_view = gpu.bind_group(
             "light view",
             &self.layouts.inputs,
             &[
@@ -294,7 +293,7 @@ impl Caustics {
             if step.group_index == 3 {
                 pass.set_bind_group(1, &light_view, &[]);
             }
-            let group = gpu::bind_group(gpu, "caustics", step.layout, &all);
+            let group = gpu.bind_group("caustics", step.layout, &all);
             pass.set_bind_group(step.group_index, &group, &[]);
             let (x, y) = gpu::workgroups(piece.size);
             pass.dispatch_workgroups(x, y, 1);
@@ -499,7 +498,7 @@ impl Buffers {
         let usage = wgpu::TextureUsages::STORAGE_BINDING
             | wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC;
-        let image = |label| gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage);
+        let image = |label| gpu.texture(label, size, 1, Layers::FORMAT, usage);
         Self {
             size,
             cells,

@@ -94,7 +94,7 @@ impl GapImages {
                 mapped_at_creation: false,
             })
         };
-        let splits = || gpu::texture(gpu, "gap splits", cells, 1, SPLITS, usage);
+        let splits = || gpu.texture("gap splits", cells, 1, SPLITS, usage);
         Self {
             tiles: create_tiles(gpu, size),
             tile_lists: TileLists::new(gpu, size, sections),
@@ -122,7 +122,7 @@ impl Gaps {
             let marks = images.marks[class].as_entire_binding();
             let marked =
                 [(gpu.layers(), texture(&layers.view)), (gpu::storage_read_write(MARKS), marks)];
-            let marks = gpu::bind(gpu, "gap marks", &marked);
+            let marks = gpu.bind("gap marks", &marked);
             let alone = !bins.is_divided(class);
             let kernel = ("gaps/mark.wgsl", "mark");
             let constants = |_| [("ALONE", on(alone))];
@@ -138,7 +138,7 @@ impl Gaps {
                     (gpu::storage_texture(Layers::FORMAT, D2Array), texture(&planes)),
                     (gpu::state_texture(), texture(bins.state())),
                 ];
-                gpu::bind(gpu, "gap sides", &bindings)
+                gpu.bind("gap sides", &bindings)
             };
             let splits: Vec<_> = lists.sections().map(of_section).collect();
             let kernel = ("gaps/sides.wgsl", "sides");
@@ -158,7 +158,7 @@ impl Gaps {
         let split_images = bind_splits(gpu, images, [first, second], radius);
         let constants = [("GAPS", gaps.into()), ("SPLASH", on(layers.len() > 1))];
         let layouts = [&split_images.layout];
-        let split = gpu::compute_pipeline(gpu, "gaps/split.wgsl", "split", &layouts, &constants);
+        let split = gpu.compute_pipeline("gaps/split.wgsl", "split", &layouts, &constants);
         let arrange = Arrange::prepare(gpu, &images.tile_lists, first);
         Self { images: images.clone(), classes, split, split_images, arrange }
     }
@@ -205,7 +205,7 @@ impl Gaps {
 /// Group 0 of `gaps/split.wgsl`.
 fn bind_splits(gpu: &Gpu, images: &GapImages, layers: [&Layers; 2], radius: f32) -> Bound {
     let params = Params { least: LEAST * radius };
-    let params = gpu::buffer_with(gpu, "gaps", gpu::UNIFORM, &[params]);
+    let params = gpu.buffer_with("gaps", gpu::UNIFORM, &[params]);
     let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
     let splits = images.splits.each_ref().map(view);
     let flags = view(&images.tiles);
@@ -223,7 +223,7 @@ fn bind_splits(gpu: &Gpu, images: &GapImages, layers: [&Layers; 2], radius: f32)
         (gpu::storage::<Sections>(), lists.sections_buffer().as_entire_binding()),
         (gpu::uniform::<Params>(), params.as_entire_binding()),
     ];
-    gpu::bind(gpu, "gap splits", &bindings)
+    gpu.bind("gap splits", &bindings)
 }
 
 /// Format of splits, by cell and by tile.
@@ -240,7 +240,7 @@ pub fn create_tiles(gpu: &Gpu, size: UVec2) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
-    gpu::texture(gpu, "gap tiles", tiles, 1, SPLITS, usage)
+    gpu.texture("gap tiles", tiles, 1, SPLITS, usage)
 }
 
 #[cfg(test)]

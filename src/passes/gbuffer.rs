@@ -24,7 +24,7 @@ impl GBufferImages {
             | wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC;
         let new = |label: &str, levels: u32| {
-            gpu::mipped_texture(gpu, label, size, 1, levels, Layers::FORMAT, usage)
+            gpu.mipped_texture(label, size, 1, levels, Layers::FORMAT, usage)
         };
         Self { planes: new("gbuffer planes", levels), surfaces: new("gbuffer surfaces", 1) }
     }
@@ -43,10 +43,10 @@ impl GBuffer {
         let written = gpu::storage_texture(Layers::FORMAT, D2);
         let [planes, surfaces] = [planes, surfaces].map(|texture| gpu::layer_view(texture, 0));
         let bindings = [(written, TextureView(&planes)), (written, TextureView(&surfaces))];
-        let images = gpu::bind(gpu, "gbuffer", &bindings);
+        let images = gpu.bind("gbuffer", &bindings);
         let layouts = [&camera.layout, &images.layout, &scene.layout];
         let constants = [&scene.variant.constants()[..], &camera.constants()].concat();
-        let pipeline = gpu::compute_pipeline(gpu, "gbuffer.wgsl", "gbuffer", &layouts, &constants);
+        let pipeline = gpu.compute_pipeline("gbuffer.wgsl", "gbuffer", &layouts, &constants);
         Self { images, pipeline, groups: gpu::workgroups(size) }
     }
 

@@ -43,7 +43,7 @@ impl Host {
         let (offset, slope) = code.disparity(f64::from(far));
         let (offset, slope) = (offset as f32, slope as f32);
         let params = Params { offset, slope, cleared: code.cleared() as f32 };
-        let params = gpu::buffer_with(gpu, "host", gpu::UNIFORM, &[params]);
+        let params = gpu.buffer_with("host", gpu::UNIFORM, &[params]);
         let GBufferImages { planes, surfaces } = images;
         let size = glam::UVec2::new(planes.width(), planes.height());
         let [planes, surfaces] = [planes, surfaces].map(|texture| gpu::layer_view(texture, 0));
@@ -56,11 +56,11 @@ impl Host {
             (written, TextureView(&planes)),
             (written, TextureView(&surfaces)),
         ];
-        let images = gpu::bind(gpu, "host", &bindings);
+        let images = gpu.bind("host", &bindings);
         let switch = [("NORMALS", f64::from(u8::from(normals.is_some())))];
         let constants = [&switch[..], &camera.constants()].concat();
         let layouts = [&camera.layout, &images.layout];
-        let pipeline = gpu::compute_pipeline(gpu, "host.wgsl", "host", &layouts, &constants);
+        let pipeline = gpu.compute_pipeline("host.wgsl", "host", &layouts, &constants);
         Self { pipeline, images, groups: gpu::workgroups(size) }
     }
 

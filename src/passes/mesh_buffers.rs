@@ -7,7 +7,7 @@ use glam::{UVec2, Vec2, Vec3, Vec3A, Vec3Swizzles as _};
 use obvhs::bvh2::node::Bvh2Node;
 
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{self, Gpu};
+use crate::gpu::Gpu;
 use crate::memory;
 use crate::mesh::{Mesh, Texture, linear_from_srgb, srgb_from_linear};
 use crate::scene::{Scene, Shape, Solid, Surface};
@@ -144,7 +144,7 @@ fn index<T>(all: &[Arc<T>], one: &Arc<T>) -> usize {
 
 fn buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str, contents: &[T]) -> wgpu::Buffer {
     let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-    gpu::buffer_with(gpu, label, usage, contents)
+    gpu.buffer_with(label, usage, contents)
 }
 
 /// Texels in a line of the texture, unless all fit in one: `MESH_WIDTH_BITS` of the shader.
@@ -159,7 +159,7 @@ fn geometry(gpu: &Gpu, mut rows: Vec<[u32; 4]>) -> wgpu::TextureView {
     let size = UVec2::new(width as u32, (rows.len() / width) as u32);
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
     let format = wgpu::TextureFormat::Rgba32Uint;
-    let texture = gpu::texture(gpu, "meshes", size, 1, format, usage);
+    let texture = gpu.texture("meshes", size, 1, format, usage);
     for (i, lines) in (0..).zip(rows.chunks(width * LINES)) {
         let height = (lines.len() / width) as u32;
         let origin = wgpu::Origin3d { x: 0, y: i * LINES as u32, z: 0 };
@@ -367,7 +367,7 @@ mod tests {
     /// Guards against meshes that the shader reads from other texels than they were written to.
     #[test]
     fn lines_are_as_long_as_in_the_shader() {
-        let bits = gpu::shader::constant("common/mesh.wgsl", "MESH_WIDTH_BITS");
+        let bits = crate::gpu::shader::constant("common/mesh.wgsl", "MESH_WIDTH_BITS");
         assert_eq!(WIDTH as f64, bits.exp2());
     }
 }

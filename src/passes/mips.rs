@@ -42,8 +42,8 @@ impl Mips {
                 (gpu::sampled(dimension), TextureView(&finer)),
                 (gpu::storage_texture(Layers::FORMAT, dimension), TextureView(&coarser)),
             ];
-            let levels = gpu::bind(gpu, "mips", &bindings);
-            let pipeline = gpu::compute_pipeline(gpu, shader, "coarsen", &[&levels.layout], &[]);
+            let levels = gpu.bind("mips", &bindings);
+            let pipeline = gpu.compute_pipeline(shader, "coarsen", &[&levels.layout], &[]);
             let size = glam::UVec2::new(texture.width(), texture.height());
             let (x, y) = gpu::workgroups((size >> level).max(glam::UVec2::ONE));
             // The sides of gaps are read at level 0 alone.

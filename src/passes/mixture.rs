@@ -71,7 +71,7 @@ impl Mixture {
         for (share, absorption) in shares.iter_mut().zip(scene.absorptions()) {
             *share = (absorption / strongest).extend(radius.max(f32::MIN_POSITIVE).recip());
         }
-        let absorptions = gpu::buffer_with(gpu, "fluids", gpu::UNIFORM, &shares);
+        let absorptions = gpu.buffer_with("fluids", gpu::UNIFORM, &shares);
         let MixtureImages { view, summed } = images.clone();
         let written = (gpu::storage_texture(FORMAT, D2), TextureView(&view));
         let bindings = [
@@ -80,17 +80,17 @@ impl Mixture {
             (gpu::state_texture(), TextureView(bins.state())),
             (gpu::storage_read_write(4), summed.as_entire_binding()),
         ];
-        let images = gpu::bind(gpu, "mixture", &bindings);
+        let images = gpu.bind("mixture", &bindings);
         let kernel = ("mixture/sums.wgsl", "mixture_of_tiles");
         let pipelines = |class| bins.pipelines(gpu, camera, class, kernel, &images.layout, |_| []);
         let pipelines = (0..classes).map(pipelines).collect();
         let emptied = |class| {
             let tiles = bins.emptied(class).tiles.as_entire_binding();
-            gpu::bind(gpu, "emptied mixture", &[(gpu::storage_of(8), tiles), written.clone()])
+            gpu.bind("emptied mixture", &[(gpu::storage_of(8), tiles), written.clone()])
         };
         let emptied: Vec<_> = (0..classes).map(emptied).collect();
         let (layouts, constants) = ([&camera.layout, &emptied[0].layout], camera.constants());
-        let empty = gpu::compute_pipeline(gpu, "mixture/empty.wgsl", "empty", &layouts, &constants);
+        let empty = gpu.compute_pipeline("mixture/empty.wgsl", "empty", &layouts, &constants);
         Self { images, summed, pipelines, empty, emptied }
     }
 
@@ -138,5 +138,5 @@ fn create_summed(gpu: &Gpu, size: UVec2) -> wgpu::Buffer {
 
 fn create_view(gpu: &Gpu, size: UVec2) -> wgpu::TextureView {
     let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
-    gpu::texture(gpu, "mixture", size, 1, FORMAT, usage).create_view(&Default::default())
+    gpu.texture("mixture", size, 1, FORMAT, usage).create_view(&Default::default())
 }

@@ -183,7 +183,7 @@ impl Refract {
             [&images.radiance.texture, &images.first_radiance].map(view);
         let diagnostics = view(&images.diagnostics);
         let planes = view(&eye.images.gbuffer.planes);
-        let params = gpu::buffer_with(gpu, "refract", gpu::UNIFORM, &[*params]);
+        let params = gpu.buffer_with("refract", gpu::UNIFORM, &[*params]);
         let pixels = Pixels { gpu, variant, eye, params: &params, planes: &planes, behind };
         let bind = |target: &_, seen: &_, list: &_, section| {
             pixels.bind([target, seen, &diagnostics], list, section)
@@ -201,8 +201,8 @@ impl Refract {
             (gpu::storage_read_write(LIST_COUNTS + 4), list.as_entire_binding()),
             (gpu::storage_read_write(4), dispatch.as_entire_binding()),
         ];
-        let gather = gpu::bind(gpu, "pixels listed", &listed);
-        let draw = gpu::bind(gpu, "pixels drawn", &listed[..1]);
+        let gather = gpu.bind("pixels listed", &listed);
+        let draw = gpu.bind("pixels drawn", &listed[..1]);
         let own = &sections[0].liquid.layout;
         let pipeline = |variant, entry: &str, list: &Bound| {
             pixels.pipeline(variant, entry, [own, &list.layout])
@@ -330,7 +330,7 @@ impl Pixels<'_> {
             (read, TextureView(behind.unwrap_or(planes))),
             (read, TextureView(first_radiance)),
         ];
-        gpu::bind(gpu, "refract", &bindings)
+        gpu.bind("refract", &bindings)
     }
 
     fn pipeline(
@@ -346,7 +346,7 @@ impl Pixels<'_> {
         let constants =
             [&variant.constants()[..], &scene.variant.constants(), &camera.constants()].concat();
         let layouts = [&camera.layout, own, &scene.layout, list];
-        gpu::module_pipeline(gpu, variant.shader(), &module, entry, &layouts, &constants)
+        gpu.module_pipeline(variant.shader(), &module, entry, &layouts, &constants)
     }
 }
 
@@ -359,7 +359,7 @@ fn bind_found(
     section: u32,
 ) -> Bound {
     let params = StructureParams { structure };
-    let params = gpu::buffer_with(gpu, "structure", gpu::UNIFORM, &[params]);
+    let params = gpu.buffer_with("structure", gpu::UNIFORM, &[params]);
     let tiles = &eye.images.tiles;
     let bindings = [
         (gpu::uniform::<StructureParams>(), params.as_entire_binding()),
@@ -368,7 +368,7 @@ fn bind_found(
         (gpu::sampled(D2), TextureView(radiance)),
         (gpu::storage_of(8), tiles.section(&tiles.liquid, section)),
     ];
-    gpu::bind(gpu, "structure", &bindings)
+    gpu.bind("structure", &bindings)
 }
 
 /// The pipeline that lists pixels by the radiance of their first rays.
@@ -382,7 +382,7 @@ fn find_pipeline(
     let constants = [&eye.camera.constants()[..], &splash].concat();
     let none = gpu.layout("none", wgpu::ShaderStages::COMPUTE, &[]);
     let layouts = [&eye.camera.layout, found, &none, &list.layout];
-    gpu::compute_pipeline(gpu, "refract/structure.wgsl", "find", &layouts, &constants)
+    gpu.compute_pipeline("refract/structure.wgsl", "find", &layouts, &constants)
 }
 
 /// Work of a ray through the solids: a mesh's tree is as much as many other solids.
@@ -426,7 +426,7 @@ impl PixelList {
         let usage = wgpu::BufferUsages::STORAGE
             | wgpu::BufferUsages::COPY_DST
             | wgpu::BufferUsages::INDIRECT;
-        let dispatch = gpu::buffer_with(gpu, "listed groups", usage, &[0u32, 1, 1]);
+        let dispatch = gpu.buffer_with("listed groups", usage, &[0u32, 1, 1]);
         Self { list, dispatch }
     }
 
@@ -477,5 +477,5 @@ fn create_texture(gpu: &Gpu, label: &str, size: UVec2) -> wgpu::Texture {
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC
         | wgpu::TextureUsages::COPY_DST;
-    gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage)
+    gpu.texture(label, size, 1, Layers::FORMAT, usage)
 }

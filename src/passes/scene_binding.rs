@@ -239,10 +239,10 @@ impl SceneBinding {
             gpu::storage::<u32>(),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
-        let solids = gpu::uniform_buffer::<[SolidData; MAX_SOLIDS]>(gpu, "solids");
-        let lights = gpu::uniform_buffer::<[LightData; MAX_LIGHTS]>(gpu, "lights");
+        let solids = gpu.uniform_buffer::<[SolidData; MAX_SOLIDS]>("solids");
+        let lights = gpu.uniform_buffer::<[LightData; MAX_LIGHTS]>("lights");
         let light_views =
-            gpu::uniform_buffer::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>(gpu, "light views");
+            gpu.uniform_buffer::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>("light views");
         let environment = Environment::default();
         let buffers = [&solids, &lights, &light_views];
         let none = MeshBuffers::new(gpu);
@@ -324,10 +324,10 @@ fn bind(
         glow_radiances: glows.map(|glow| glow.radiance.extend(0.0).to_array()),
         ..Zeroable::zeroed()
     };
-    let uniform = gpu::buffer_with(gpu, "scene", gpu::UNIFORM, &[uniform]);
+    let uniform = gpu.buffer_with("scene", gpu::UNIFORM, &[uniform]);
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
     let format = wgpu::TextureFormat::Rgba32Float;
-    let map = gpu::texture(gpu, "environment", size, 1, format, usage);
+    let map = gpu.texture("environment", size, 1, format, usage);
     gpu.queue.write_texture(
         map.as_image_copy(),
         bytemuck::cast_slice(pixels),
@@ -338,8 +338,8 @@ fn bind(
         },
         map.size(),
     );
-    let layers = gpu::array_layers(gpu, 1);
-    let placeholder = |label| gpu::texture(gpu, label, UVec2::ONE, layers, format, usage);
+    let layers = gpu.array_layers(1);
+    let placeholder = |label| gpu.texture(label, UVec2::ONE, layers, format, usage);
     let [maps, receivers] = match light_maps {
         Some(light_maps) => [&light_maps.maps, &light_maps.receivers].map(gpu::array_view),
         None => {
@@ -357,7 +357,7 @@ fn bind(
         wgpu::BindingResource::TextureView(&meshes.geometry),
         meshes.surfaces.as_entire_binding(),
     ];
-    gpu::bind_group(gpu, "scene", layout, &resources)
+    gpu.bind_group("scene", layout, &resources)
 }
 
 /// The shape's code in `common/scene.wgsl`.

@@ -178,7 +178,7 @@ impl Smooth {
             .map(|section| bind_blank(gpu, inputs.tiles, images, section))
             .collect();
         let layouts = [&blanked[0].layout];
-        let blank = gpu::compute_pipeline(gpu, "smooth/blank.wgsl", "blank", &layouts, &constants);
+        let blank = gpu.compute_pipeline("smooth/blank.wgsl", "blank", &layouts, &constants);
         let kernels = Kernels { gpu, camera, settings, sizes: coverage.sizes };
         let whole = whole_steps(kernels, inputs, images, iterations, coverage);
         let gaps = (coverage.gaps > 0 && !iterations.is_empty())
@@ -250,7 +250,7 @@ fn bind_blank(gpu: &Gpu, tiles: &TileLists, images: &SmoothImages, section: u32)
         (gpu::storage_of(4), images.filled.before.as_entire_binding()),
         (gpu::storage_read_write(4), images.filled.now.as_entire_binding()),
     ];
-    gpu::bind(gpu, "smooth blank", &bindings)
+    gpu.bind("smooth blank", &bindings)
 }
 
 /// Images of a step, as in `smooth/iterate.wgsl`.
@@ -281,7 +281,7 @@ fn bind_step(
         (gpu::sampled(D2), TextureView(images.flags)),
         (gpu::sampled(D2Array), TextureView(images.splash)),
     ];
-    gpu::bind(gpu, "smooth", &bindings)
+    gpu.bind("smooth", &bindings)
 }
 
 /// The kernels of a frame.
@@ -306,7 +306,7 @@ impl Kernels<'_> {
     ) -> (wgpu::ComputePipeline, Vec<Bound>) {
         let Self { gpu, camera, settings, sizes } = self;
         // One buffer per step: a uniform written twice holds its last value for the whole frame.
-        let params = gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
+        let params = gpu.buffer_with("smooth", gpu::UNIFORM, &[*params]);
         let bind = |section| bind_step(gpu, &params, images, tiles.section(&tiles.liquid, section));
         let bound: Vec<_> = tiles.sections().map(bind).collect();
         let variant = Variant::new(settings);
@@ -318,7 +318,7 @@ impl Kernels<'_> {
         }
         let shader = if iterates { variant.shader() } else { "smooth/plane_fit.wgsl" };
         let layouts = [&camera.layout, &bound[0].layout];
-        (gpu::compute_pipeline(gpu, shader, entry, &layouts, &all), bound)
+        (gpu.compute_pipeline(shader, entry, &layouts, &all), bound)
     }
 }
 

@@ -91,9 +91,9 @@ impl Splat {
             (gpu::storage_texture(TAGS, D2), TextureView(&tags)),
             (gpu::state_texture(), TextureView(bins.state())),
         ];
-        let images = gpu::bind(gpu, "splat", &bindings);
+        let images = gpu.bind("splat", &bindings);
         let tiles = (gpu::storage_of(8), bins.emptied(class).tiles.as_entire_binding());
-        let emptied = gpu::bind(gpu, "emptied splats", &[&[tiles][..], &bindings].concat());
+        let emptied = gpu.bind("emptied splats", &[&[tiles][..], &bindings].concat());
 
         let on = |on: bool| f64::from(u8::from(on));
         let Drawn { backs, sizes, tags } = drawn;
@@ -111,7 +111,7 @@ impl Splat {
         let constants = [("TAGS", on(tags)), ("LAST", on(!bins.is_divided(class)))];
         let constants = [&camera.constants()[..], &constants].concat();
         let layouts = [&camera.layout, &emptied.layout];
-        let empty = gpu::compute_pipeline(gpu, "splat/empty.wgsl", "empty", &layouts, &constants);
+        let empty = gpu.compute_pipeline("splat/empty.wgsl", "empty", &layouts, &constants);
         Self { class, images, pipelines, empty, emptied }
     }
 
@@ -142,7 +142,7 @@ const TAGS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 
 fn create_tags(gpu: &Gpu, size: UVec2) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
-    gpu::texture(gpu, "tags", size, 1, TAGS, usage)
+    gpu.texture("tags", size, 1, TAGS, usage)
 }
 
 fn create_layers(gpu: &Gpu, size: UVec2, layers: u32, levels: u32) -> Layers {

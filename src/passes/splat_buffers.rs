@@ -43,7 +43,7 @@ impl SplatBuffers {
         let (buffer, count) = (splats.buffer.clone(), splats.count);
         let bytes = size_of::<SplatData>() as u64 * u64::from(count.max(1));
         let resources = [gpu::first_bytes(&buffer, bytes)];
-        let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
+        let group = gpu.bind_group("splats", &self.layout, &resources);
         self.chunks = vec![Chunk { buffer, group, count, is_borrowed: true }];
     }
 
@@ -85,7 +85,7 @@ impl SplatBuffers {
                 }
             };
             let resources = [gpu::first_bytes(&buffer, bytes)];
-            let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
+            let group = gpu.bind_group("splats", &self.layout, &resources);
             let chunk = Chunk { buffer, group, count, is_borrowed: false };
             match self.chunks.get_mut(i) {
                 Some(old) => *old = chunk,

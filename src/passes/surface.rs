@@ -95,7 +95,7 @@ pub struct Surface {
 impl SurfaceBuffers {
     /// Creates no images.
     pub fn new(gpu: &Gpu) -> Self {
-        let velocities = gpu::buffer_with(gpu, "velocities", wgpu::BufferUsages::STORAGE, &[0f32]);
+        let velocities = gpu.buffer_with("velocities", wgpu::BufferUsages::STORAGE, &[0f32]);
         Self { images: None, velocities }
     }
 
@@ -107,7 +107,7 @@ impl SurfaceBuffers {
             let usage = wgpu::TextureUsages::STORAGE_BINDING
                 | wgpu::TextureUsages::TEXTURE_BINDING
                 | wgpu::TextureUsages::COPY_SRC;
-            let image = |label: &str| gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage);
+            let image = |label: &str| gpu.texture(label, size, 1, Layers::FORMAT, usage);
             SurfaceImages { surface: image("surface"), motion: image("motion") }
         })
     }
@@ -124,7 +124,7 @@ impl SurfaceBuffers {
         }
         if self.velocities.size() < bytes {
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-            self.velocities = gpu::buffer_with(gpu, "velocities", usage, velocities);
+            self.velocities = gpu.buffer_with("velocities", usage, velocities);
         } else {
             gpu.queue.write_buffer(&self.velocities, 0, bytemuck::cast_slice(velocities));
         }
@@ -148,7 +148,7 @@ impl Surface {
     ) -> Result<Self> {
         kept.upload(gpu, &motion.velocities)?;
         let particles = kept.velocities.clone();
-        let params = gpu::buffer_with(gpu, "surface", gpu::UNIFORM, &[*params]);
+        let params = gpu.buffer_with("surface", gpu::UNIFORM, &[*params]);
         let images = kept.images(gpu, size);
         let tags =
             eye.images.splat.tags.each_ref().map(|tags| tags.create_view(&Default::default()));
@@ -167,7 +167,7 @@ impl Surface {
             (written, TextureView(&surface)),
             (written, TextureView(&moved)),
         ];
-        let images = gpu::bind(gpu, "surface", &bindings);
+        let images = gpu.bind("surface", &bindings);
         let Request { velocities, splash, host, samples } = request;
         let switch = |on: bool| f64::from(u8::from(on));
         let own = [
@@ -180,7 +180,7 @@ impl Surface {
             [&own[..], &eye.scene.variant.constants(), &eye.camera.constants()].concat();
         let layouts = [&eye.camera.layout, &images.layout, &eye.scene.layout];
         let shader = "surface/images.wgsl";
-        let pipeline = gpu::compute_pipeline(gpu, shader, "images", &layouts, &constants);
+        let pipeline = gpu.compute_pipeline(shader, "images", &layouts, &constants);
         Ok(Self { pipeline, images, groups: gpu::workgroups(size) })
     }
 

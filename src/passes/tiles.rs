@@ -150,7 +150,7 @@ impl Tiles {
         let arrange = Arrange::with_splashes(gpu, lists, aggregate, splash);
         let constants = [("SPLASH", f64::from(u8::from(splash.is_some())))];
         let layouts = [&arrange.lists.layout];
-        let sort = gpu::compute_pipeline(gpu, "tiles.wgsl", "sort", &layouts, &constants);
+        let sort = gpu.compute_pipeline("tiles.wgsl", "sort", &layouts, &constants);
         Self { lists: lists.clone(), sort, arrange }
     }
 
@@ -192,8 +192,8 @@ impl Arrange {
             (gpu::storage::<Sections>(), lists.sections_buffer.as_entire_binding()),
         ];
         let count = lists.sections.count;
-        let lists = gpu::bind(gpu, "tiles", &bindings);
-        let pipeline = gpu::compute_pipeline(gpu, "tiles.wgsl", "arrange", &[&lists.layout], &[]);
+        let lists = gpu.bind("tiles", &bindings);
+        let pipeline = gpu.compute_pipeline("tiles.wgsl", "arrange", &[&lists.layout], &[]);
         Self { lists, pipeline, count }
     }
 
@@ -231,12 +231,7 @@ fn create_lists(gpu: &Gpu, size: UVec2, sections: Sections) -> TileLists {
         ),
         size,
         sections,
-        sections_buffer: gpu::buffer_with(
-            gpu,
-            "tile sections",
-            wgpu::BufferUsages::STORAGE,
-            &[sections],
-        ),
+        sections_buffer: gpu.buffer_with("tile sections", wgpu::BufferUsages::STORAGE, &[sections]),
     }
 }
 

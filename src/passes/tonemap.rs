@@ -66,7 +66,7 @@ impl Picture {
 
     /// Submits a copy of the bytes; the next frame may be drawn into the picture at once.
     pub(crate) fn begin_reading_bytes(&self, gpu: &Gpu) -> gpu::Reading {
-        gpu::begin_reading_buffer(gpu, &self.bytes)
+        gpu.begin_reading_buffer(&self.bytes)
     }
 }
 
@@ -147,7 +147,7 @@ impl Tonemap {
             dither: if settings.dither && encode { 1.0 / 255.0 } else { 0.0 },
             first_row: 0,
         };
-        let uniform = |params| gpu::buffer_with(gpu, "tonemap", gpu::UNIFORM, &[params]);
+        let uniform = |params| gpu.buffer_with("tonemap", gpu::UNIFORM, &[params]);
         Prepared(match target {
             Target::View(view, format) => {
                 let pipeline = self.views.entry(format).or_insert_with(|| {
@@ -160,7 +160,7 @@ impl Tonemap {
             Target::Picture(picture) => {
                 let layouts = [&self.layout, &self.picture_layout];
                 let pipeline = self.picture.get_or_insert_with(|| {
-                    gpu::compute_pipeline(gpu, "tonemap.wgsl", "bytes", &layouts, &[])
+                    gpu.compute_pipeline("tonemap.wgsl", "bytes", &layouts, &[])
                 });
                 let rows = gpu.band_rows(picture.size.x) as usize;
                 let bands = (0..picture.size.y)
@@ -183,7 +183,7 @@ impl Tonemap {
         let view = radiance.texture.create_view(&Default::default());
         let group = |params: &wgpu::Buffer| {
             let resources = [wgpu::BindingResource::TextureView(&view), params.as_entire_binding()];
-            gpu::bind_group(gpu, "tonemap", &self.layout, &resources)
+            gpu.bind_group("tonemap", &self.layout, &resources)
         };
         match &target.0 {
             Output::View(view, pipeline, params) => {
@@ -204,7 +204,7 @@ impl Tonemap {
                         offset: row * u64::from(*first_row),
                         size: wgpu::BufferSize::new(row * u64::from(size.y)),
                     });
-                    let bytes = gpu::bind_group(gpu, "picture", &self.picture_layout, &[bytes]);
+                    let bytes = gpu.bind_group("picture", &self.picture_layout, &[bytes]);
                     pass.set_bind_group(0, &group(params), &[]);
                     pass.set_bind_group(1, &bytes, &[]);
                     let (x, y) = gpu::workgroups(size);

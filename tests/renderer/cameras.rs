@@ -9,7 +9,7 @@ use image::RgbaImage;
 use limpid::camera::{Camera, Lens, Projection, View};
 use limpid::environment::Environment;
 use limpid::frame::{FrameInput, Target};
-use limpid::gpu::{self, Gpu};
+use limpid::gpu::Gpu;
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::{Offscreen, Picture};
 use limpid::scene::{Scene, Shape, Surface};
@@ -350,7 +350,7 @@ fn float_targets_are_linear_and_composed_over() {
     });
     harness.renderer.composite(&mut encoder, &target, format);
     gpu.queue.submit([encoder.finish()]);
-    let read = || gpu::read_texture(&gpu, &texture, 0).expect("it is read");
+    let read = || gpu.read_texture(&texture, 0).expect("it is read");
     let composed = halves(&read());
     for p in images.pixels() {
         let i = (p.y * SIZE.x + p.x) as usize;

@@ -3,7 +3,7 @@
 use glam::UVec2;
 
 use crate::error::Result;
-use crate::gpu::{self, Gpu};
+use crate::gpu::Gpu;
 use crate::light_view::LightView;
 
 /// The caustic map of a light.
@@ -40,7 +40,7 @@ impl CausticMap {
     pub async fn finish(&self, gpu: &Gpu) -> Result<(Vec<[f32; 4]>, Vec<f32>)> {
         let size = self.view.size;
         let texels = async |texture: &wgpu::Texture| -> Result<Vec<[f32; 4]>> {
-            let bytes = gpu::begin_reading(gpu, texture, self.layer).finish(gpu).await?;
+            let bytes = gpu.begin_reading(texture, self.layer).finish(gpu).await?;
             let all: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
             let rows = all.chunks_exact(texture.width() as usize).take(size.y as usize);
             Ok(rows.flat_map(|row| &row[..size.x as usize]).copied().collect())

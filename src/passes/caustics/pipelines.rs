@@ -148,7 +148,7 @@ impl Pipelines {
                 constants,
             ];
             let groups = [&camera.layout, &layouts.inputs, &bound.layout, layout];
-            gpu::module_pipeline(gpu, file, &module, entry, &groups, &all.concat())
+            gpu.module_pipeline(file, &module, entry, &groups, &all.concat())
         };
         let method = [("METHOD", f64::from(key.method as u32))];
         let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);
@@ -162,7 +162,7 @@ impl Pipelines {
                     let constants =
                         [&key.scene.constants()[..], &camera.constants(), sharing].concat();
                     let file = "caustics/deposit.wgsl";
-                    gpu::compute_pipeline(gpu, file, entry, &groups, &constants)
+                    gpu.compute_pipeline(file, entry, &groups, &constants)
                 };
                 let (groups, lanes) = large_groups(gpu);
                 let sharing = [("GROUPS", f64::from(groups)), ("LANES", f64::from(lanes))];
@@ -186,7 +186,7 @@ impl Pipelines {
         let blur = |down: f64| {
             let groups = [&camera.layout, &layouts.blur];
             let constants = [&camera.constants()[..], &[("DOWN", down)]].concat();
-            gpu::compute_pipeline(gpu, "caustics/blur.wgsl", "blur", &groups, &constants)
+            gpu.compute_pipeline("caustics/blur.wgsl", "blur", &groups, &constants)
         };
         let (tracing, resolve) = rayon::join(tracing, resolve);
         Self { tracing, resolve, blur: [0.0, 1.0].map(blur) }

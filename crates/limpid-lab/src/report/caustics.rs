@@ -14,7 +14,7 @@ use crate::reference::layers as reference_layers;
 use crate::reference::surroundings::Surroundings;
 use crate::reference::trace::first_last_along;
 use crate::reference::{Liquid, Ray};
-use limpid::gpu::{self, Commands, Gpu, Timer};
+use limpid::gpu::{Commands, Gpu, Timer};
 use limpid::light_view::LightView;
 use limpid::lights;
 use limpid::passes::caustics::{
@@ -101,7 +101,7 @@ impl Bench {
         let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
         let output = |label| {
             let usage = usage | wgpu::TextureUsages::TEXTURE_BINDING;
-            gpu::texture(gpu, label, layers.size, 1, Layers::FORMAT, usage)
+            gpu.texture(label, layers.size, 1, Layers::FORMAT, usage)
         };
         Ok(Self {
             gpu: gpu.clone(),
@@ -155,7 +155,7 @@ impl Bench {
         let [map, receivers] = self.outputs.clone();
         let map = CausticMap { view: self.view, map, receivers, layer: 0 };
         let (irradiance, depths) = map.read(gpu)?;
-        let gathered = gpu::read_texture(gpu, caustics.gathered(), 0)?;
+        let gathered = gpu.read_texture(caustics.gathered(), 0)?;
         let gathered = bytemuck::pod_collect_to_vec(&gathered);
         Ok(Run { irradiance, depths, gathered, ms })
     }

@@ -107,7 +107,7 @@ impl Bench {
             [gpu::storage_texture(Layers::FORMAT, D2), gpu::storage_texture(Layers::FORMAT, D2)];
         let outputs = gpu.layout("report outputs", wgpu::ShaderStages::COMPUTE, &bindings);
         let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
-        let output = |label| gpu::texture(gpu, label, layers.size, 1, Layers::FORMAT, usage);
+        let output = |label| gpu.texture(label, layers.size, 1, Layers::FORMAT, usage);
         Ok(Self {
             gpu: gpu.clone(),
             size: layers.size,
@@ -154,7 +154,7 @@ impl Bench {
     /// Reads back the answers of the last run.
     fn read(&self) -> Result<Measurement> {
         let texels = |texture: &wgpu::Texture| -> Result<Vec<[f32; 4]>> {
-            Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(&self.gpu, texture, 0)?))
+            Ok(bytemuck::pod_collect_to_vec(&self.gpu.read_texture(texture, 0)?))
         };
         let (hits, tallies) = (texels(&self.hits)?, texels(&self.tallies)?);
         let answers: Vec<_> = hits
@@ -206,10 +206,10 @@ impl Bench {
             let intersector = gpu::shader::Variant { mips: true, ..gpu::shader::Variant::of(root) };
             let module = gpu.module_of(SHADERS, "report/intersect.wgsl", intersector);
             let layouts = [&self.camera.layout, &self.inputs, &self.scene.layout, &self.outputs];
-            gpu::module_pipeline(gpu, root, &module, "intersect_pixels", &layouts, &constants)
+            gpu.module_pipeline(root, &module, "intersect_pixels", &layouts, &constants)
         });
         let params = Params::new(&scene, &settings, 0.0);
-        let params = gpu::buffer_with(gpu, "refract", gpu::UNIFORM, &[params]);
+        let params = gpu.buffer_with("refract", gpu::UNIFORM, &[params]);
         let [aggregate, splash] = [0, 1].map(|i| gpu::array_view(&self.textures[i]));
         let solids = self.textures[2].create_view(&Default::default());
         let resources = [
@@ -220,7 +220,7 @@ impl Bench {
             // Bounds: only entries of liquid read them.
             wgpu::BindingResource::TextureView(&solids),
         ];
-        let inputs = gpu::bind_group(gpu, "report inputs", &self.inputs, &resources);
+        let inputs = gpu.bind_group("report inputs", &self.inputs, &resources);
         Run { pipeline: pipeline.clone(), inputs }
     }
 
@@ -228,7 +228,7 @@ impl Bench {
         let gpu = &self.gpu;
         let views = [&self.hits, &self.tallies].map(|t| t.create_view(&Default::default()));
         let resources = views.each_ref().map(wgpu::BindingResource::TextureView);
-        let outputs = gpu::bind_group(gpu, "report outputs", &self.outputs, &resources);
+        let outputs = gpu.bind_group("report outputs", &self.outputs, &resources);
         let mut timer = Timer::new(gpu, true, 1);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         {
@@ -261,8 +261,7 @@ pub(super) fn upload(gpu: &Gpu, size: UVec2, layers: &[&[[f32; 4]]]) -> wgpu::Te
         | wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::COPY_DST;
     let (count, levels) = (layers.len() as u32, mips::levels(size));
-    let texture =
-        gpu::mipped_texture(gpu, "report layers", size, count, levels, Layers::FORMAT, usage);
+    let texture = gpu.mipped_texture("report layers", size, count, levels, Layers::FORMAT, usage);
     for (z, texels) in (0..).zip(layers) {
         gpu.queue.write_texture(
             wgpu::TexelCopyTextureInfo {
@@ -461,7 +460,7 @@ impl ViewLayers {
         solids: Option<&wgpu::Texture>,
     ) -> Result<Self> {
         let read = |texture: &wgpu::Texture, layer: u32| -> Result<Vec<[f32; 4]>> {
-            Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, layer)?))
+            Ok(bytemuck::pod_collect_to_vec(&gpu.read_texture(texture, layer)?))
         };
         // Without the flags of texels with gaps, which are not read.
         let layer = |layers: &Layers, layer: u32| -> Result<Vec<[f32; 4]>> {

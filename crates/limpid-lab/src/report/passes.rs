@@ -16,8 +16,8 @@ use super::rows::median;
 use super::subjects;
 use limpid::camera::{Camera, CameraUniform};
 use limpid::frame::FrameInput;
+use limpid::gpu::Gpu;
 use limpid::gpu::TILE;
-use limpid::gpu::{self, Gpu};
 use limpid::lights;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::offscreen::Picture;
@@ -497,7 +497,7 @@ pub fn measure_frame(
     let input = FrameInput::new(scene, camera, splats, size);
     renderer.render(FrameInput { diagnose: true, ..input }, &target)?;
     if let Some(diagnostics) = renderer.images().diagnostics {
-        let texels = gpu::read_texture(gpu, &diagnostics, 0)?;
+        let texels = gpu.read_texture(&diagnostics, 0)?;
         let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);
         let sum = |i: usize| texels.iter().map(|texel| f64::from(texel[i])).sum::<f64>();
         let samples = f64::from(scene.settings.refract.samples);

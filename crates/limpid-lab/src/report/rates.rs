@@ -97,8 +97,8 @@ impl Kernel {
     ) -> Self {
         let layout = gpu.layout(file, wgpu::ShaderStages::COMPUTE, bindings);
         let module = gpu.module_of(SHADERS, file, gpu::shader::Variant::default());
-        let pipeline = gpu::module_pipeline(gpu, file, &module, entry, &[&layout], &[]);
-        Self { pipeline, group: gpu::bind_group(gpu, file, &layout, resources) }
+        let pipeline = gpu.module_pipeline(file, &module, entry, &[&layout], &[]);
+        Self { pipeline, group: gpu.bind_group(file, &layout, resources) }
     }
 
     /// Runs once and returns the device time, ms; `None` without timestamps, or below their

@@ -9,7 +9,7 @@ use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::reference::layers::View;
 use crate::reference::trace::{MAX_DEPTH, first_last, trace};
 use limpid::frame::FrameInput;
-use limpid::gpu::{self, Gpu};
+use limpid::gpu::Gpu;
 use limpid::passes::Layers;
 use limpid::renderer::Renderer;
 use limpid::settings::{Filter, Settings, Smooth, Unit};
@@ -81,7 +81,7 @@ pub fn measure(
             .iter()
             .map(|passes| passes.iter().filter(|p| p.name == "smooth").map(|p| p.ms).sum())
             .collect();
-        let texels = gpu::read_texture(gpu, &renderer.images().smoothed.texture, Layers::FRONT)?;
+        let texels = gpu.read_texture(&renderer.images().smoothed.texture, Layers::FRONT)?;
         let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);
         let errors = surface_errors(&view, &texels, &front.depths, &front.normals);
         let radius = f64::from(loaded.splats.radius);

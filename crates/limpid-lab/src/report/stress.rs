@@ -12,7 +12,7 @@ use crate::reference::trace::trace;
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::frame::FrameInput;
-use limpid::gpu::{self, Gpu};
+use limpid::gpu::Gpu;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
@@ -68,7 +68,7 @@ pub fn measure(gpu: &Gpu, renderer: &mut Renderer, pictures: u32) -> Result<Vec<
             let (scene, camera, splats) = trial.frame();
             renderer.render(FrameInput::new(&scene, &camera, &splats, size), &target)?;
             let radiance = &renderer.images().radiance.texture;
-            let texels = gpu::read_texture(gpu, radiance, 0)?;
+            let texels = gpu.read_texture(radiance, 0)?;
             let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);
             not_finite += texels.iter().filter(|t| !t.iter().all(|c| c.is_finite())).count() as u64;
             let truth = trace(&trial.liquid(), &scene, &camera, size, 1, 24);

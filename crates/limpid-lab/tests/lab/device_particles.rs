@@ -4,7 +4,7 @@ use glam::{DVec3, UVec2, Vec3};
 use image::{DynamicImage, RgbImage};
 use limpid::camera::{Camera, Lens};
 use limpid::frame::FrameInput;
-use limpid::gpu::{self, Gpu};
+use limpid::gpu::Gpu;
 use limpid::liquid::classify::{Classifier, Cloud, Splats, add_wall_contacts};
 use limpid::liquid::{Attribute, Counter, DeviceParticles, Particles};
 use limpid::motion::Motion;
@@ -38,7 +38,7 @@ fn liquid() -> Vec<Vec3> {
 }
 
 fn storage<T: bytemuck::NoUninit>(gpu: &Gpu, values: &[T]) -> wgpu::Buffer {
-    gpu::buffer_with(gpu, "test", wgpu::BufferUsages::STORAGE, values)
+    gpu.buffer_with("test", wgpu::BufferUsages::STORAGE, values)
 }
 
 /// Particles at places that lie one after the other in a buffer.
@@ -398,7 +398,7 @@ fn wrong_buffers_are_refused() {
     let gpu = &harness.gpu;
     let positions = storage(gpu, &[0.0f32; 30]);
     let right = packed(&positions, 10);
-    let copied = gpu::buffer_with(gpu, "test", wgpu::BufferUsages::COPY_SRC, &[0.0f32; 30]);
+    let copied = gpu.buffer_with("test", wgpu::BufferUsages::COPY_SRC, &[0.0f32; 30]);
     let at = |buffer, offset, stride| Attribute { buffer, offset, stride };
     let wrong = [
         (DeviceParticles { count: 11, ..right }, "120 bytes"),

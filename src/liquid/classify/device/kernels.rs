@@ -24,7 +24,7 @@ pub(super) fn record(
     walls: &[Wall],
 ) {
     let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-    let uniform = gpu::buffer_with(gpu, "classify", usage, &[*params]);
+    let uniform = gpu.buffer_with("classify", usage, &[*params]);
     let kernels = Kernels { gpu, buffers, params, uniform: &uniform };
     kernels.count(encoder);
     // Later kernels leave crowds alone.
@@ -65,7 +65,7 @@ pub(super) fn gather(
     params: &Params,
     particles: &DeviceParticles<'_>,
 ) {
-    let uniform = gpu::buffer_with(gpu, "classify", wgpu::BufferUsages::STORAGE, &[*params]);
+    let uniform = gpu.buffer_with("classify", wgpu::BufferUsages::STORAGE, &[*params]);
     let kernels = Kernels { gpu, buffers, params, uniform: &uniform };
     let (positions, radii, counter) = particles.parts(gpu);
     let source = Source {
@@ -76,7 +76,7 @@ pub(super) fn gather(
         has_counter: u32::from(counter.is_some()),
         common_radius: particles.radius,
     };
-    let source = gpu::buffer_with(gpu, "particles", wgpu::BufferUsages::STORAGE, &[source]);
+    let source = gpu.buffer_with("particles", wgpu::BufferUsages::STORAGE, &[source]);
     let (read, write) = (gpu::storage_of, gpu::storage_read_write);
     // Unused bindings need a buffer too.
     let (radii, counter) = (radii.unwrap_or(positions), counter.unwrap_or(positions));
@@ -115,7 +115,7 @@ struct Step<'a> {
 impl Step<'_> {
     fn run(&self, pass: &mut wgpu::ComputePass<'_>, entry: &str, groups: u32) {
         let layouts = [&self.bound.layout];
-        pass.set_pipeline(&gpu::compute_pipeline(self.gpu, self.file, entry, &layouts, &[]));
+        pass.set_pipeline(&self.gpu.compute_pipeline(self.file, entry, &layouts, &[]));
         pass.set_bind_group(0, &self.bound.group, &[]);
         gpu::dispatch(pass, groups);
     }
@@ -144,7 +144,7 @@ impl<'a> Kernels<'a> {
     ) -> Step<'a> {
         let params = [(gpu::storage::<Params>(), self.uniform.as_entire_binding())];
         let bindings = [&params, resources].concat();
-        Step { gpu: self.gpu, file, bound: gpu::bind(self.gpu, "classify", &bindings) }
+        Step { gpu: self.gpu, file, bound: self.gpu.bind("classify", &bindings) }
     }
 
     /// Counts the members of each cell, and finds where those of each begin.
@@ -284,7 +284,7 @@ impl<'a> Kernels<'a> {
         let Self { gpu, buffers, params, .. } = self;
         let (read, write) = (gpu::storage_of, gpu::storage_read_write);
         let Buffers { counts, sums, starts, order, splats, line_starts, .. } = buffers;
-        let walls = gpu::buffer_with(gpu, "walls", wgpu::BufferUsages::STORAGE, walls);
+        let walls = gpu.buffer_with("walls", wgpu::BufferUsages::STORAGE, walls);
         // The lines have been followed: their buffer has the first copies of cells now.
         let copying = self.step(
             "classify/walls.wgsl",
