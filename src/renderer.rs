@@ -15,13 +15,13 @@ use crate::liquid::blocks::Blocks;
 use crate::memory;
 use crate::passes::caustics::CausticMap;
 use crate::passes::gaps;
-use crate::passes::host::Host;
+use crate::passes::host::HostPass;
 use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, RefractImages, Variant};
 use crate::passes::scene_binding::SceneVariant;
 use crate::passes::smooth;
-use crate::passes::surface::{self, Surface, SurfaceBuffers, SurfaceImages};
+use crate::passes::surface::{self, SurfaceBuffers, SurfaceImages, SurfacePass};
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
 use crate::passes::view_passes::{
@@ -192,7 +192,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`].
-    pub fn prepare<'a>(&mut self, input: FrameInput<'a>) -> Result<Frame<'a>> {
+    pub fn prepare<'a>(&mut self, input: FrameInput<'a>) -> Result<PreparedFrame<'a>> {
         let mut frame = self.prepare_views(input, false)?;
         self.prepare_picture(&mut frame);
         Ok(frame)
@@ -201,7 +201,7 @@ impl Renderer {
     /// Records a prepared frame into the caller's encoder: everything up to its linear radiance,
     /// [`Renderer::radiance`]. Submits, polls and waits for nothing; a frame that would occupy a slow device
     /// for long is not split.
-    pub fn record(&mut self, frame: Frame<'_>, encoder: &mut wgpu::CommandEncoder) {
+    pub fn record(&mut self, frame: PreparedFrame<'_>, encoder: &mut wgpu::CommandEncoder) {
         let gpu = &self.gpu.clone();
         let (mut timer, mut commands) = (self.timer(&frame), Commands::within(gpu, encoder));
         self.record_views(&frame, &mut commands, &mut timer);
@@ -270,8 +270,8 @@ impl Renderer {
     }
 
     /// Stores the inputs of a recorded frame for the next one.
-    fn remember(&mut self, frame: Frame<'_>) {
-        let Frame { input, last, dirty, config, .. } = frame;
+    fn remember(&mut self, frame: PreparedFrame<'_>) {
+        let PreparedFrame { input, last, dirty, config, .. } = frame;
         self.transparent = input.scene.settings.refract.transparent;
         self.shows_surface = frame.surface.is_some();
         self.fluids = input.scene.fluids.len().max(1);
@@ -301,7 +301,7 @@ impl Renderer {
     }
 
     /// Resizes the passes' textures to the frame.
-    fn resize(&mut self, frame: &Frame<'_>) {
+    fn resize(&mut self, frame: &PreparedFrame<'_>) {
         self.camera_view.resize(&self.gpu, frame.config);
         let size = (frame.config.size, frame.input.diagnose);
         if self.sized_for != size {
@@ -316,7 +316,7 @@ impl Renderer {
         &mut self,
         input: FrameInput<'a>,
         has_last_splats: bool,
-    ) -> Result<Frame<'a>> {
+    ) -> Result<PreparedFrame<'a>> {
         self.check(&input)?;
         let mut last = self.last.take().filter(|_| input.reuse);
         let is_same = |last: &LastFrame| has_last_splats || last.has_splats(input.splats);
@@ -330,7 +330,7 @@ impl Renderer {
             last = None;
         }
         let mut frame =
-            Frame::new(&self.gpu, input, &self.splat_set.blocks, last, has_other_splats);
+            PreparedFrame::new(&self.gpu, input, &self.splat_set.blocks, last, has_other_splats);
         self.resize(&frame);
         let (gpu, eye) = (&self.gpu, input.view.eye);
         self.meshes.prepare(gpu, input.scene)?;
@@ -346,7 +346,8 @@ impl Renderer {
         (frame.lights, frame.view) = (lights, view);
         self.background.prepare(gpu, input.scene.background.as_ref(), input.size)?;
         let ViewPasses { camera, images, .. } = &self.camera_view;
-        let of_host = |host| Host::prepare(gpu, camera, host, frame.uniform.far, &images.gbuffer);
+        let of_host =
+            |host| HostPass::prepare(gpu, camera, host, frame.uniform.far, &images.gbuffer);
         frame.host = input.host.map(of_host);
         if frame.dirty.surfaces && frame.variant.mips() {
             let mut layers = vec![&self.camera_view.aggregate_layers().texture];
@@ -365,7 +366,7 @@ impl Renderer {
                 samples: frame.variant.samples,
             };
             let (eye, kept) = (&self.camera_view, &mut self.surface);
-            let surface = Surface::prepare(gpu, eye, request, motion, &params, size, kept)?;
+            let surface = SurfacePass::prepare(gpu, eye, request, motion, &params, size, kept)?;
             frame.surface = Some(surface);
         }
         // Drivers may crash where they compile without memory.
@@ -374,7 +375,7 @@ impl Renderer {
     }
 
     /// Prepares refraction, if the radiance is dirty.
-    fn prepare_picture(&mut self, frame: &mut Frame<'_>) {
+    fn prepare_picture(&mut self, frame: &mut PreparedFrame<'_>) {
         if !frame.dirty.radiance {
             return;
         }
@@ -391,14 +392,19 @@ impl Renderer {
     }
 
     /// A timer for all passes of a frame.
-    fn timer(&self, frame: &Frame<'_>) -> Timer {
+    fn timer(&self, frame: &PreparedFrame<'_>) -> Timer {
         // Those of the views; then host, mips, refract, surface and tonemap, and the caustics of each light.
         let of_lights = (PassNames::COUNT + 1) * self.lights.views().len();
         Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 5 + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
-    fn record_views(&self, frame: &Frame<'_>, commands: &mut Commands<'_>, timer: &mut Timer) {
+    fn record_views(
+        &self,
+        frame: &PreparedFrame<'_>,
+        commands: &mut Commands<'_>,
+        timer: &mut Timer,
+    ) {
         let inputs = frame.inputs(&self.splat_set, &self.meshes);
         self.lights.record(&frame.lights, commands, inputs, timer);
         if let Some(view) = &frame.view {
@@ -416,7 +422,7 @@ impl Renderer {
     /// counts of rays with a host.
     fn record_picture(
         &self,
-        frame: &Frame<'_>,
+        frame: &PreparedFrame<'_>,
         commands: &mut Commands<'_>,
         timer: &mut Timer,
     ) -> Option<Pending> {
@@ -484,7 +490,7 @@ fn drawn_view(input: &FrameInput<'_>, blocks: &Blocks) -> Result<View> {
 
 /// A frame that is prepared: its inputs, and the configuration of its passes.
 #[derive(Debug)]
-pub struct Frame<'a> {
+pub struct PreparedFrame<'a> {
     input: FrameInput<'a>,
     uniform: CameraUniform,
     config: ViewConfig,
@@ -502,20 +508,20 @@ pub struct Frame<'a> {
     /// Passes of the camera's view, if that is drawn.
     view: Option<PreparedView>,
     /// The G-buffer of a host's scene.
-    host: Option<Host>,
+    host: Option<HostPass>,
     /// Mip levels of the layers, if the intersector reads them.
     mips: Option<Mips>,
     /// The picture, if it is drawn.
     refract: Option<Refract>,
     /// Images of the first interface, if they are drawn.
-    surface: Option<Surface>,
+    surface: Option<SurfacePass>,
     /// The frame before.
     last: Option<LastFrame>,
     /// What differs from it.
     dirty: Dirty,
 }
 
-impl<'a> Frame<'a> {
+impl<'a> PreparedFrame<'a> {
     fn new(
         gpu: &Gpu,
         input: FrameInput<'a>,

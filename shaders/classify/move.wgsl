@@ -1,5 +1,5 @@
 // Moves splats so that they end at the smoothed iso-surface, one thread per line, of which a member's first does the
-// work: `Point::change` of `src/liquid/classify/surface.rs` on the device.
+// work: `Point::change` of `src/liquid/classify/iso_surface.rs` on the device.
 
 #import classify/around.wgsl
 #import classify/sheets.wgsl

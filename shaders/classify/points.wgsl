@@ -1,4 +1,4 @@
-// The points of the iso-surface, one thread per line: `Field` of `src/liquid/classify/surface.rs` on the device.
+// The points of the iso-surface, one thread per line: `Field` of `src/liquid/classify/iso_surface.rs` on the device.
 
 #import classify/line.wgsl
 #import classify/spline.wgsl

@@ -1,4 +1,4 @@
-// The density whose iso-surface is the liquid's: `src/liquid/classify/surface.rs` has the same constants and functions.
+// The density whose iso-surface is the liquid's: `src/liquid/classify/iso_surface.rs` has the same constants and functions.
 
 // Radius of its kernel, in r.
 const FIELD: f32 = 4.0;

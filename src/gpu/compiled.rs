@@ -4,13 +4,13 @@ use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::Gpu;
-use super::shader::{self, Library, Variant};
+use super::shader::{self, Library, Words};
 
 /// The modules, layouts and pipelines of a device.
 #[derive(Debug, Default)]
 pub(super) struct Compiled {
-    /// By root and variant.
-    modules: Mutex<HashMap<(String, Variant), wgpu::ShaderModule>>,
+    /// By root and words.
+    modules: Mutex<HashMap<(String, Words), wgpu::ShaderModule>>,
     /// By stages and bindings.
     layouts: Mutex<HashMap<(wgpu::ShaderStages, Vec<wgpu::BindingType>), wgpu::BindGroupLayout>>,
     pipelines: Mutex<HashMap<Kernel, wgpu::ComputePipeline>>,
@@ -31,29 +31,29 @@ fn locked<T>(map: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Gpu {
-    /// The shader module of a root of the renderer for a variant.
+    /// The shader module of a root of the renderer for such words.
     #[doc(hidden)]
-    pub fn module(&self, root: &str, variant: Variant) -> wgpu::ShaderModule {
-        self.module_of(shader::RENDERER, root, variant)
+    pub fn module(&self, root: &str, words: Words) -> wgpu::ShaderModule {
+        self.module_of(shader::RENDERER, root, words)
     }
 
     /// As [`Gpu::module`], of a library.
     #[doc(hidden)]
-    pub fn module_of(&self, library: Library, root: &str, variant: Variant) -> wgpu::ShaderModule {
-        let variant = Variant {
+    pub fn module_of(&self, library: Library, root: &str, words: Words) -> wgpu::ShaderModule {
+        let words = Words {
             stored_uniforms: self.uniforms_are_stored(),
-            stored_layers: self.layers_are_stored() && !variant.mips,
+            stored_layers: self.layers_are_stored() && !words.mips,
             grain: self.grain(),
-            ..variant
+            ..words
         };
         let create = || {
             self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(root),
-                source: wgpu::ShaderSource::Wgsl(library.source(root, variant).into()),
+                source: wgpu::ShaderSource::Wgsl(library.source(root, words).into()),
             })
         };
         locked(&self.compiled.modules)
-            .entry((root.to_owned(), variant))
+            .entry((root.to_owned(), words))
             .or_insert_with(create)
             .clone()
     }
@@ -136,7 +136,7 @@ impl Gpu {
         layouts: &[&wgpu::BindGroupLayout],
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
-        let module = self.module(shader, Variant::default());
+        let module = self.module(shader, Words::default());
         self.module_pipeline(shader, &module, entry_point, layouts, constants)
     }
 

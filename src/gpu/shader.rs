@@ -1,4 +1,4 @@
-//! WGSL preprocessor: `#import path` pastes a file once, `$word` is replaced by the [`Variant`].
+//! WGSL preprocessor: `#import path` pastes a file once, `$word` is replaced by the value in [`Words`].
 //!
 //! A root file is a pipeline's shader; its imports are at its top, one file per line. Since WGSL does not
 //! depend on declaration order, a root may define a function that an imported file calls: this selects
@@ -170,18 +170,18 @@ impl Library {
         files.find(|(name, _)| *name == path).map(|(_, text)| *text)
     }
 
-    /// Source of a root with its imports pasted, each once, for a variant.
+    /// Source of a root with its imports pasted, each once, with words.
     ///
     /// # Panics
-    /// If there is no such file or the variant lacks a value: bugs that the shader tests find.
-    pub fn source(self, root: &str, variant: Variant) -> String {
-        resolve(root, variant, &mut |path| self.file(path))
+    /// If there is no such file or a word lacks its value: bugs that the shader tests find.
+    pub fn source(self, root: &str, words: Words) -> String {
+        resolve(root, words, &mut |path| self.file(path))
     }
 }
 
 /// Values of the placeholders in a root and its imports, words that begin with `$`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Variant {
+pub struct Words {
     /// `$intersector`: the file of `refract/` to import.
     pub intersector: Option<&'static str>,
     /// `$grain`: how a tile's pixels are divided among threads.
@@ -217,7 +217,7 @@ impl Grain {
     }
 }
 
-impl Variant {
+impl Words {
     /// Selects an intersector.
     pub fn of(intersector: &'static str) -> Self {
         Self { intersector: Some(intersector), ..Self::default() }
@@ -265,12 +265,12 @@ impl Variant {
 /// As [`Library::source`].
 pub fn resolve<'a>(
     root: &str,
-    variant: Variant,
+    words: Words,
     find: &mut dyn FnMut(&str) -> Option<&'a str>,
 ) -> String {
     fn paste<'a>(
         file: &str,
-        variant: Variant,
+        words: Words,
         find: &mut dyn FnMut(&str) -> Option<&'a str>,
         pasted: &mut HashSet<String>,
         out: &mut String,
@@ -280,9 +280,9 @@ pub fn resolve<'a>(
         }
         let text = find(file).unwrap_or_else(|| panic!("no shader file {file}"));
         for line in text.lines() {
-            let line = variant.fill(line);
+            let line = words.fill(line);
             match line.strip_prefix("#import ") {
-                Some(import) => paste(import.trim(), variant, find, pasted, out),
+                Some(import) => paste(import.trim(), words, find, pasted, out),
                 None => {
                     out.push_str(&line);
                     out.push('\n');
@@ -291,14 +291,14 @@ pub fn resolve<'a>(
         }
     }
     let mut out = String::new();
-    paste(root, variant, find, &mut HashSet::new(), &mut out);
+    paste(root, words, find, &mut HashSet::new(), &mut out);
     out
 }
 
 /// Parses the value of a constant in a shader, for tests that compare it with Rust.
 #[cfg(test)]
 pub fn constant(root: &str, name: &str) -> f64 {
-    let source = RENDERER.source(root, Variant::of("refract/guarded.wgsl"));
+    let source = RENDERER.source(root, Words::of("refract/guarded.wgsl"));
     let declared = source.lines().find_map(|line| line.strip_prefix("const ")?.strip_prefix(name));
     let declared = declared.unwrap_or_else(|| panic!("{root} has no constant {name}"));
     let (_, value) = declared.split_once('=').expect("a value");

@@ -43,7 +43,7 @@ impl Particles {
         };
         let apart = b.origin - a.origin;
         let move_to = |i: usize, j: usize| apart + (b.positions[j] - a.positions[i]).as_dvec3();
-        let motion = Motion::new(a, b, &pairs, move_to);
+        let motion = Displacements::new(a, b, &pairs, move_to);
         if !matched_by_id && !motion.is_plausible() {
             return nearer(fraction);
         }
@@ -169,7 +169,7 @@ fn by_id(from: &[i64], to: &[i64]) -> Vec<Pair> {
 }
 
 /// Robust statistics of the displacements of matched particles, by which jumps are detected.
-struct Motion<'a> {
+struct Displacements<'a> {
     velocities: Option<[&'a [Vec3]; 2]>,
     /// Time between the frames, s; 0 if it cannot be derived from velocities.
     duration: f64,
@@ -198,7 +198,7 @@ const SPACINGS: f64 = 2.0;
 /// Displacement that is tolerated without velocities, as a share of the extent.
 const SHARE: f64 = 0.1;
 
-impl<'a> Motion<'a> {
+impl<'a> Displacements<'a> {
     fn new(
         a: &'a Particles,
         b: &'a Particles,

@@ -14,9 +14,9 @@
 pub mod device;
 mod grid;
 mod interior;
+mod iso_surface;
 mod moments;
 mod shape;
-mod surface;
 mod tree;
 mod walls;
 
@@ -32,8 +32,8 @@ use crate::liquid::particles::{self, Particles, drawable};
 use crate::memory;
 use crate::settings::Classify;
 use grid::Grid;
+use iso_surface::Search;
 use moments::Moments;
-use surface::Search;
 use tree::Tree;
 
 pub use device::{Classifier, DeviceSplats};
@@ -293,7 +293,7 @@ impl Cloud {
         let ranks = grid.ranks(&slots);
         drop(slots);
         let spheres = interior.map(|cells| self.spheres(&grid, cells)).unwrap_or_default();
-        let search = surface::refines(settings).then_some(Search::Grid(grid));
+        let search = iso_surface::refines(settings).then_some(Search::Grid(grid));
         let ranked = ranks.iter().filter_map(|&rank| shaped.get(rank as usize).copied());
         let mut splats = self.splats(ranked, search.as_ref());
         splats.aggregates.extend(spheres);
@@ -312,7 +312,7 @@ impl Cloud {
         if !tree.is_thinned() {
             let moments = |m: &Member| tree.moments(m, support);
             let shaped: Vec<_> = self.members.par_iter().map(|m| shape(m, &moments(m))).collect();
-            let search = surface::refines(settings).then_some(Search::Tree(tree));
+            let search = iso_surface::refines(settings).then_some(Search::Tree(tree));
             return self.splats(shaped.into_iter(), search.as_ref());
         }
         // In a crowd, many particles may coincide and share one result.
@@ -347,7 +347,7 @@ impl Cloud {
                     Some(ellipsoid) => (member.given(ellipsoid, self.shift), None),
                     None => (
                         member.aggregate(near, settings, self.shift),
-                        surface::movable(near.mean(), near.count, surrounded, settings),
+                        iso_surface::movable(near.mean(), near.count, surrounded, settings),
                     ),
                 };
                 Either::Right((splat.buried(surrounded), mean))

@@ -22,14 +22,14 @@ pub struct Params {
 
 /// Draws the G-buffer of a host's scene.
 #[derive(Debug)]
-pub struct Host {
+pub struct HostPass {
     pipeline: wgpu::ComputePipeline,
     images: Bound,
     /// Workgroups along x and y.
     groups: (u32, u32),
 }
 
-impl Host {
+impl HostPass {
     /// Prepares what the host's depths show in the images of a G-buffer. `far` is the depth of an orthographic view's far
     /// plane, m.
     pub fn prepare(

@@ -341,7 +341,7 @@ impl Pixels<'_> {
     ) -> wgpu::ComputePipeline {
         let Self { gpu, eye, .. } = self;
         let (camera, scene) = (&eye.camera, &eye.scene);
-        let mips = gpu::shader::Variant { mips: variant.mips(), ..Default::default() };
+        let mips = gpu::shader::Words { mips: variant.mips(), ..Default::default() };
         let module = gpu.module(variant.shader(), mips);
         let constants =
             [&variant.constants()[..], &scene.variant.constants(), &camera.constants()].concat();

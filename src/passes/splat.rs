@@ -50,7 +50,7 @@ pub struct Drawn {
 
 /// Draws the splats of a class into their layers.
 #[derive(Debug)]
-pub struct Splat {
+pub struct SplatPass {
     class: usize,
     images: Bound,
     /// By chunk of the class.
@@ -73,7 +73,7 @@ impl SplatImages {
     }
 }
 
-impl Splat {
+impl SplatPass {
     /// Prepares the layers of a class.
     pub fn prepare(
         gpu: &Gpu,

@@ -85,7 +85,7 @@ pub struct SurfaceBuffers {
 
 /// Draws the images of the first interface.
 #[derive(Debug)]
-pub struct Surface {
+pub struct SurfacePass {
     pipeline: wgpu::ComputePipeline,
     images: Bound,
     /// Workgroups along x and y.
@@ -132,7 +132,7 @@ impl SurfaceBuffers {
     }
 }
 
-impl Surface {
+impl SurfacePass {
     /// Prepares the images of a frame of `size` pixels: allocates them and uploads the motion.
     ///
     /// # Errors

@@ -258,7 +258,7 @@ fn view_pipeline(
     layout: &wgpu::BindGroupLayout,
     target: wgpu::ColorTargetState,
 ) -> wgpu::RenderPipeline {
-    let module = gpu.module("tonemap.wgsl", gpu::shader::Variant::default());
+    let module = gpu.module("tonemap.wgsl", gpu::shader::Words::default());
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("tonemap"),
         bind_group_layouts: &[Some(layout)],

@@ -14,7 +14,7 @@ use super::mesh_buffers::MeshBuffers;
 use super::mixture::{Mixture, MixtureImages};
 use super::scene_binding::{LightMaps, SceneBinding};
 use super::smooth::{self, Smooth, SmoothImages};
-use super::splat::{self, Splat, SplatImages};
+use super::splat::{self, SplatImages, SplatPass};
 use super::splat_buffers::SplatBuffers;
 use super::tiles::{Sections, TileLists, Tiles};
 use super::{CameraBinding, GBufferImages, Layers};
@@ -118,7 +118,7 @@ pub struct ViewImages {
 pub struct PreparedView {
     bins: Bins,
     /// By class.
-    splat: Vec<Splat>,
+    splat: Vec<SplatPass>,
     mixture: Option<Mixture>,
     gaps: Option<Gaps>,
     tiles: Tiles,
@@ -326,7 +326,7 @@ impl ViewPasses {
         let layers = &layers[..if config.splash { 2 } else { 1 }];
         let splash = layers.get(1).copied();
         let drawn = splat::Drawn { backs, sizes, tags };
-        let splat = |class| Splat::prepare(gpu, camera, &bins, class, &images.splat, drawn);
+        let splat = |class| SplatPass::prepare(gpu, camera, &bins, class, &images.splat, drawn);
         let splat = (0..layers.len()).map(splat).collect();
         let mixture = config.mixture.then(|| {
             Mixture::prepare(gpu, camera, &bins, layers.len(), &images.mixture, scene, radius)

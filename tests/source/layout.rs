@@ -270,7 +270,7 @@ fn shared_structs_agree() {
 }
 
 fn source(root: &str) -> String {
-    shader::RENDERER.source(root, shader::Variant::of("refract/guarded.wgsl"))
+    shader::RENDERER.source(root, shader::Words::of("refract/guarded.wgsl"))
 }
 
 /// Value of a 32-bit WGSL constant.

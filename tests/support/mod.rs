@@ -157,7 +157,7 @@ impl Kernel<'_> {
             {body}"
         );
         let text =
-            shader::resolve("test", shader::Variant::of("refract/guarded.wgsl"), &mut |path| {
+            shader::resolve("test", shader::Words::of("refract/guarded.wgsl"), &mut |path| {
                 if path == "test" { Some(&root) } else { shader::RENDERER.file(path) }
             });
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -14,13 +14,13 @@ use glam::{DVec2, DVec3, Vec3Swizzles as _};
 pub mod analytic;
 pub mod caustics;
 pub mod conic;
+mod image_plane;
 pub mod layers;
 pub mod mesh;
 pub mod optics;
 pub mod solids;
 pub mod surroundings;
 pub mod trace;
-mod view;
 mod wetting;
 
 /// A ray.

@@ -16,7 +16,7 @@ use glam::UVec2;
 use js_sys::Array;
 use limpid::frame::Picture;
 use limpid::gpu::Gpu;
-use limpid::gpu::shader::{RENDERER, Variant};
+use limpid::gpu::shader::{RENDERER, Words};
 use limpid_viewer::web::{Page, PageOptions};
 use wasm_bindgen::prelude::wasm_bindgen;
 use wasm_bindgen::{JsCast as _, JsError, JsValue};
@@ -39,7 +39,7 @@ pub fn shaders() -> Array {
     for root in RENDERER.roots {
         for intersector in &intersectors {
             for mips in [false, true] {
-                let variant = Variant { mips, ..Variant::of(intersector) };
+                let variant = Words { mips, ..Words::of(intersector) };
                 all.insert(RENDERER.source(root, variant), format!("{root} with {intersector}"));
             }
         }

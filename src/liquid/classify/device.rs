@@ -22,7 +22,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::grid::{self, Layout};
-use super::{Cloud, Splat, Splats, interior, moments, surface};
+use super::{Cloud, Splat, Splats, interior, iso_surface, moments};
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
 use crate::liquid::device_particles::DeviceParticles;
@@ -429,8 +429,8 @@ impl Params {
             splash_radius: settings.splash_radius,
             most_squares: crowd as f32,
             smoothing: settings.smoothing,
-            most_neighbours: match surface::refines(settings) {
-                true => surface::most_neighbours(settings.support) as u32,
+            most_neighbours: match iso_surface::refines(settings) {
+                true => iso_surface::most_neighbours(settings.support) as u32,
                 false => 0,
             },
             most_lines: most_lines as u32,

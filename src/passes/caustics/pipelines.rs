@@ -139,7 +139,7 @@ impl Pipelines {
         key: Key,
     ) -> Self {
         let pipeline = |file: &str, entry: &str, layout, constants: &[(&'static str, f64)]| {
-            let intersector = gpu::shader::Variant::of(key.variant.shader());
+            let intersector = gpu::shader::Words::of(key.variant.shader());
             let module = gpu.module(file, intersector);
             let all = [
                 &key.variant.constants()[..],

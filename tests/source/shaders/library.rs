@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use limpid::gpu::shader::{self, Grain, Library, Variant};
+use limpid::gpu::shader::{self, Grain, Library, Words};
 
 use super::text::{Loop, loops, mixes_shifts};
 use super::wgsl::{check, specialise, translate_all};
 
 /// The variant for tests of roots, with the default intersector.
-pub(crate) const GUARDED: Variant = Variant {
+pub(crate) const GUARDED: Words = Words {
     intersector: Some("refract/guarded.wgsl"),
     grain: Grain::Pixel,
     stored_uniforms: false,
@@ -46,7 +46,7 @@ pub(crate) fn assert_lists_folder(library: Library, folder: &Path) {
 fn pasted(library: Library, root: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for grain in [Grain::Pixel, Grain::Column] {
-        shader::resolve(root, Variant { grain, ..GUARDED }, &mut |path| {
+        shader::resolve(root, Words { grain, ..GUARDED }, &mut |path| {
             found.insert(path.to_owned());
             library.file(path)
         });
@@ -70,7 +70,7 @@ pub(crate) fn assert_uses_every_file(library: Library) {
 pub(crate) fn assert_roots_are_valid(library: Library) {
     let valid = |root: &str| {
         let text = library.source(root, GUARDED);
-        let stored = Variant { stored_uniforms: true, stored_layers: true, ..GUARDED };
+        let stored = Words { stored_uniforms: true, stored_layers: true, ..GUARDED };
         let stored = library.source(root, stored);
         // A new uniform must be added here or become `$branching`.
         let plain = ["camera", "scene", "solids", "params", "absorptions"];
@@ -99,7 +99,7 @@ pub(crate) fn assert_roots_are_valid(library: Library) {
 pub(crate) fn assert_columns_are_valid(library: Library) -> usize {
     let mut drawn = 0;
     for root in library.roots {
-        let text = library.source(root, Variant { grain: Grain::Column, ..GUARDED });
+        let text = library.source(root, Words { grain: Grain::Column, ..GUARDED });
         if text == library.source(root, GUARDED) {
             continue;
         }

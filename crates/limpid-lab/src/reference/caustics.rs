@@ -402,7 +402,7 @@ pub fn beams_over_layers(
     density: u32,
 ) -> CausticMap {
     let tracer = LayerTracer {
-        view: layers::View::of_light(view),
+        view: layers::ViewSpace::of_light(view),
         classes,
         solids,
         ior: liquid.ior.into(),

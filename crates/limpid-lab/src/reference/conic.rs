@@ -31,7 +31,7 @@ use glam::{DVec2, DVec3, IVec2, UVec2};
 use super::optics;
 pub use all::paths;
 pub use form::Conic;
-use form::{Crossing, barycentric};
+use form::{EdgeCrossing, barycentric};
 use triangle::{End, Sight, Triangle};
 
 /// A light source.
@@ -173,7 +173,7 @@ pub fn walk(
         sight.residual(position, triangle.normal(x), m)
     };
 
-    let mut candidates: Vec<(f64, Crossing, End)> = [1.0, -1.0]
+    let mut candidates: Vec<(f64, EdgeCrossing, End)> = [1.0, -1.0]
         .into_iter()
         .filter_map(|way| {
             let exit = start.conic.exit(x, way)?;

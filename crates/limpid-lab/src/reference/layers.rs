@@ -10,7 +10,7 @@ use limpid::light_view::LightView;
 
 /// A camera's view space, as in `shaders/common/camera.wgsl`, in perspective or orthographic.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
+pub struct ViewSpace {
     /// Picture size, pixels.
     pub size: DVec2,
     /// Tangents of half the fields of view; of an orthographic view, half its extent, m.
@@ -21,7 +21,7 @@ pub struct View {
     pub far: Option<f64>,
 }
 
-impl View {
+impl ViewSpace {
     /// Builds the view from the device's uniform.
     pub fn new(camera: &CameraUniform) -> Self {
         Self {
@@ -157,7 +157,13 @@ const AT_START: f64 = 2e-3;
 /// `None` if it leaves the picture first, or does not start inside. A ray that starts on a front
 /// behind its back (smoothing makes them cross at rims) leaves immediately: there is no liquid
 /// between the two.
-pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) -> Option<LayerHit> {
+pub fn exit(
+    view: &ViewSpace,
+    classes: &[&Pair],
+    o: DVec3,
+    d: DVec3,
+    texel: IVec2,
+) -> Option<LayerHit> {
     let mut last = None;
     for (index, step) in Walk::new(view, o, d, texel).enumerate() {
         let slack = if index == 0 { AT_START } else { ROUNDING };
@@ -190,7 +196,13 @@ pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) ->
 
 /// Finds where a ray meets a layer from the front; `None` if it leaves the picture first. A ray
 /// that enters a texel behind its plane, without having crossed it, continues hidden.
-pub fn entry(view: &View, layer: &Layer, o: DVec3, d: DVec3, texel: IVec2) -> Option<LayerHit> {
+pub fn entry(
+    view: &ViewSpace,
+    layer: &Layer,
+    o: DVec3,
+    d: DVec3,
+    texel: IVec2,
+) -> Option<LayerHit> {
     for step in Walk::new(view, o, d, texel) {
         let plane = layer.at(step.texel);
         if plane == DVec3::ZERO {
@@ -206,13 +218,13 @@ pub fn entry(view: &View, layer: &Layer, o: DVec3, d: DVec3, texel: IVec2) -> Op
     None
 }
 
-fn hit_at(view: &View, o: DVec3, d: DVec3, t: f64, plane: DVec3) -> LayerHit {
+fn hit_at(view: &ViewSpace, o: DVec3, d: DVec3, t: f64, plane: DVec3) -> LayerHit {
     let x = o + t * d;
     LayerHit { u: view.pixel(x), depth: -x.z, plane }
 }
 
 /// The back plane of a texel, if a point on its front is behind it.
-fn crossed_back(view: &View, pair: &Pair, o: DVec3, texel: IVec2) -> Option<DVec3> {
+fn crossed_back(view: &ViewSpace, pair: &Pair, o: DVec3, texel: IVec2) -> Option<DVec3> {
     let planes = pair.each_ref().map(|layer| layer.at(texel));
     if planes.contains(&DVec3::ZERO) {
         return None;
@@ -227,7 +239,7 @@ fn crossed_back(view: &View, pair: &Pair, o: DVec3, texel: IVec2) -> Option<DVec
 /// Finds where the interval between a front and a back that contains o + t d ends, and by which
 /// plane; `None` if it does not contain the point.
 fn interval_end(
-    view: &View,
+    view: &ViewSpace,
     planes: [DVec3; 2],
     o: DVec3,
     d: DVec3,
@@ -253,7 +265,7 @@ fn interval_end(
 
 /// Iterates over the texels that a ray crosses, with the ray's parameter range on each.
 struct Walk<'a> {
-    view: &'a View,
+    view: &'a ViewSpace,
     o: DVec3,
     d: DVec3,
     texel: IVec2,
@@ -268,7 +280,7 @@ struct Step {
 }
 
 impl<'a> Walk<'a> {
-    fn new(view: &'a View, o: DVec3, d: DVec3, texel: IVec2) -> Self {
+    fn new(view: &'a ViewSpace, o: DVec3, d: DVec3, texel: IVec2) -> Self {
         // At most up to the near plane.
         let t_end = if d.z > 0.0 { (-view.near - o.z) / d.z } else { f64::INFINITY };
         Self { view, o, d, texel, t: 0.0, t_end }

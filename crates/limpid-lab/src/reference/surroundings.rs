@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
 
+use super::image_plane::ImagePlane;
 use super::solids::{Form, Side, SideForm, Solid, SolidHit, dominant};
-use super::view::View;
 use super::{Ray, wide};
 use limpid::background::fitted;
 use limpid::environment::Environment;
@@ -53,7 +53,7 @@ enum Lamp {
 /// A picture at infinity, as a camera sees it.
 #[derive(Debug, Clone)]
 struct Background {
-    view: View,
+    view: ImagePlane,
     pixels: Vec<[f32; 4]>,
 }
 
@@ -91,7 +91,7 @@ impl Surroundings {
     }
 
     /// The same with the scene's background, as a view of pinhole cameras shows it.
-    pub(super) fn before_background(mut self, scene: &Scene, view: View) -> Self {
+    pub(super) fn before_background(mut self, scene: &Scene, view: ImagePlane) -> Self {
         let pixels = scene.background.as_ref().map(|file| fitted(file, view.size.as_uvec2()));
         self.background = pixels.map(|pixels| Background { view, pixels });
         self

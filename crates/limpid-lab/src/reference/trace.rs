@@ -7,10 +7,10 @@ use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
 use super::caustics::{CausticMap, Spot};
+use super::image_plane::ImagePlane;
 use super::optics::{TOUCH, fresnel, interface, transmittance};
 use super::solids::SolidHit;
 use super::surroundings::{Direct, Surroundings};
-use super::view::View;
 use super::{Crossing, Liquid, Ray, wide};
 use limpid::camera::Camera;
 use limpid::passes::tonemap::srgb_byte;
@@ -83,7 +83,7 @@ pub fn trace_lit(
     max_depth: u32,
     maps: &[Option<Vec<CausticMap>>],
 ) -> Image {
-    let view = View::new(camera, size);
+    let view = ImagePlane::new(camera, size);
     let tracer = Tracer {
         liquid,
         surroundings: Surroundings::new(scene).before_background(scene, view),
@@ -330,7 +330,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
 
 /// A surface seen through pixel centres, row by row from the top left.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Layer {
+pub struct SeenSurface {
     /// Depth, m: the negative z of view space; 0 where empty.
     pub depths: Vec<f64>,
     /// Unit normals out of the liquid, in view space; 0 where empty.
@@ -339,8 +339,12 @@ pub struct Layer {
 
 /// Finds the first surface at which straight camera rays enter a liquid, and the last at which they
 /// leave it; solids do not hide them.
-pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2) -> [Layer; 2] {
-    let view = View::new(camera, size);
+pub fn first_last(
+    liquid: &(impl Liquid + ?Sized),
+    camera: &Camera,
+    size: UVec2,
+) -> [SeenSurface; 2] {
+    let view = ImagePlane::new(camera, size);
     let view_from_world = view.world_from_view.transpose();
     let eye_inside = liquid.contains(view.eye);
     let width = size.x.max(1) as usize;
@@ -358,7 +362,7 @@ pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2)
             })
         })
         .collect();
-    [0, 1].map(|side| Layer {
+    [0, 1].map(|side| SeenSurface {
         depths: texels.iter().map(|texel| texel[side].0).collect(),
         normals: texels.iter().map(|texel| texel[side].1).collect(),
     })
@@ -371,7 +375,7 @@ pub fn intervals(
     camera: &Camera,
     size: UVec2,
 ) -> Vec<Vec<[f64; 2]>> {
-    let view = View::new(camera, size);
+    let view = ImagePlane::new(camera, size);
     let eye_inside = liquid.contains(view.eye);
     let width = size.x.max(1) as usize;
     (0..size.x as usize * size.y as usize)

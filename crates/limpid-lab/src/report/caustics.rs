@@ -425,6 +425,6 @@ fn rays(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
     let measured = bench.measure(&methods, scene, Target::Solids, if quick { 3 } else { 7 })?;
     let name = format!("{}:light", subject.name);
     let truth = "the solids themselves";
-    let layered = reference_layers::View::of_light(&view);
+    let layered = reference_layers::ViewSpace::of_light(&view);
     Ok(intersect::rows(&name, &methods, &measured, &layered, &truths, truth))
 }

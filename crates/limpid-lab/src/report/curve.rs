@@ -11,7 +11,7 @@ use super::output::write_text;
 use super::rows::median;
 use super::subjects::{self, Subject};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
-use crate::reference::layers::View;
+use crate::reference::layers::ViewSpace;
 use crate::reference::trace::{MAX_DEPTH, trace_lit};
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
@@ -188,7 +188,7 @@ pub fn hit_errors(gpu: &Gpu, renderer: &mut Renderer, sets: &[Vec<String>]) -> R
         let (size, camera) =
             (subjects::size(name, HITS_WIDTH), project.camera_for(loaded.bulk.bounds));
         let uniform = camera.uniform(size, DVec3::ZERO);
-        let view = View::new(&uniform);
+        let view = ViewSpace::new(&uniform);
         let layers = ViewLayers::drawn(gpu, renderer, &scene, &camera, &loaded.splats, size)?;
         let target = Target::Liquid;
         let truths = truths(&world_from_view(&camera), &uniform, &scene, &layers, target);

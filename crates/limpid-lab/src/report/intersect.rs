@@ -12,7 +12,7 @@ use super::Report;
 use super::rows::{ErrorKind, Figure, Orders, Row, RowKind};
 use super::shaders::SHADERS;
 use super::subjects::{Subject, size};
-use crate::reference::layers::View;
+use crate::reference::layers::ViewSpace;
 use limpid::camera::{Camera, CameraUniform};
 use limpid::frame::FrameInput;
 use limpid::gpu::{self, Gpu, Timer};
@@ -203,7 +203,7 @@ impl Bench {
         constants.extend(self.camera.constants());
         constants.push(("TO_SOLIDS", f64::from(u8::from(target == Target::Solids))));
         let pipeline = pipelines.entry(format!("{root} {constants:?}")).or_insert_with(|| {
-            let intersector = gpu::shader::Variant { mips: true, ..gpu::shader::Variant::of(root) };
+            let intersector = gpu::shader::Words { mips: true, ..gpu::shader::Words::of(root) };
             let module = gpu.module_of(SHADERS, "report/intersect.wgsl", intersector);
             let layouts = [&self.camera.layout, &self.inputs, &self.scene.layout, &self.outputs];
             gpu.module_pipeline(root, &module, "intersect_pixels", &layouts, &constants)
@@ -341,7 +341,7 @@ pub fn report(
     let (repeats, size) = (if quick { 3 } else { 7 }, size(subject.name, width));
     for (name, camera) in &subject.views {
         let uniform = camera.uniform(size, DVec3::ZERO);
-        let view = View::new(&uniform);
+        let view = ViewSpace::new(&uniform);
         let layers = match target {
             Target::Solids => ViewLayers::exact(subject, camera, size),
             Target::Liquid => {
@@ -381,7 +381,7 @@ pub(super) fn rows(
     name: &str,
     methods: &[Method],
     measured: &[Measurement],
-    view: &View,
+    view: &ViewSpace,
     truths: &[Truth],
     truth: &str,
 ) -> Vec<Row> {
@@ -413,7 +413,7 @@ fn orders(scene: &str, counts: &[u64; 4]) -> Orders {
 /// Draws the failures of a method, after Mayer et al. (2026), table 2: green where `other` fails
 /// too, magenta where only the method does, grey where it is right, black without liquid.
 fn failures(
-    view: &View,
+    view: &ViewSpace,
     size: UVec2,
     truths: &[Truth],
     method: &[Answer],
@@ -489,7 +489,7 @@ mod tests {
     /// Each wrong ray counts once, however it fails, and the share is of all rays.
     #[test]
     fn wrong_rays_count_once() {
-        let view = View {
+        let view = ViewSpace {
             size: DVec2::new(160.0, 120.0),
             tangent: DVec2::new(0.4, 0.3),
             near: 1e-3,

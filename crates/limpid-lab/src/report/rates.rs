@@ -96,7 +96,7 @@ impl Kernel {
         resources: &[wgpu::BindingResource<'_>],
     ) -> Self {
         let layout = gpu.layout(file, wgpu::ShaderStages::COMPUTE, bindings);
-        let module = gpu.module_of(SHADERS, file, gpu::shader::Variant::default());
+        let module = gpu.module_of(SHADERS, file, gpu::shader::Words::default());
         let pipeline = gpu.module_pipeline(file, &module, entry, &[&layout], &[]);
         Self { pipeline, group: gpu.bind_group(file, &layout, resources) }
     }

@@ -6,7 +6,7 @@ use super::picture::{Effort, draw};
 use super::rows::{ErrorKind, Row, RowKind};
 use super::subjects::{Subject, size};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
-use crate::reference::layers::View;
+use crate::reference::layers::ViewSpace;
 use crate::reference::trace::{MAX_DEPTH, first_last, trace};
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
@@ -60,7 +60,7 @@ pub fn measure(
 ) -> Result<Vec<Row>> {
     let size = size(subject.name, effort.width);
     let camera = subject.views[0].1;
-    let view = View::new(&camera.uniform(size, DVec3::ZERO));
+    let view = ViewSpace::new(&camera.uniform(size, DVec3::ZERO));
     let [front, _] = first_last(&*subject.liquid, &camera, size);
     // Tracing waves is too slow for a picture that other scenes provide too.
     let truth = (!subject.is_water).then(|| {
@@ -119,7 +119,7 @@ struct SurfaceErrors {
 
 /// Compares a layer's texels with true depths and normals; `None` if no pixel has both.
 fn surface_errors(
-    view: &View,
+    view: &ViewSpace,
     texels: &[[f32; 4]],
     depths: &[f64],
     normals: &[DVec3],
@@ -160,7 +160,7 @@ mod tests {
     /// The true planes have no error; planes tilted and shifted by known amounts have these errors.
     #[test]
     fn errors_of_known_planes() {
-        let view = View {
+        let view = ViewSpace {
             size: glam::DVec2::new(16.0, 12.0),
             tangent: glam::DVec2::new(0.4, 0.3),
             near: 1e-3,

@@ -6,7 +6,7 @@ use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 use limpid::settings::{Refract, Solver};
 use limpid_io::project::Project;
-use limpid_lab::reference::layers::{Layer, View, entry, exit};
+use limpid_lab::reference::layers::{Layer, ViewSpace, entry, exit};
 use limpid_lab::reference::optics;
 use limpid_lab::report::intersect::{
     Answer, Bench, Method, Target, Truth, ViewLayers, score, truths, world_from_view,
@@ -26,7 +26,7 @@ fn camera() -> Camera {
     }
 }
 
-fn texel(view: &View, size: UVec2, i: u32, plane: DVec3) -> [f32; 4] {
+fn texel(view: &ViewSpace, size: UVec2, i: u32, plane: DVec3) -> [f32; 4] {
     let u = DVec2::new((i % size.x).into(), (i / size.x).into()) + 0.5;
     let z = 1.0 / plane.dot(view.omega(u));
     [plane.x as f32, plane.y as f32, plane.z as f32, z as f32]
@@ -42,7 +42,7 @@ fn plane(point: DVec3, normal: DVec3) -> DVec3 {
 #[test]
 fn exits_of_a_wedge_are_exact() {
     let size = UVec2::new(160, 120);
-    let view = View::new(&camera().uniform(size, DVec3::ZERO));
+    let view = ViewSpace::new(&camera().uniform(size, DVec3::ZERO));
     let front = plane(DVec3::new(0.0, 0.0, -4.0), DVec3::new(0.05, -0.1, -1.0));
     let back = plane(DVec3::new(0.0, 0.0, -5.0), DVec3::new(-0.05, 0.08, -1.0));
     let layer = |pi: DVec3| Layer { size, planes: vec![pi; size.element_product() as usize] };
@@ -78,7 +78,7 @@ fn exits_of_a_wedge_are_exact() {
 #[test]
 fn unions_and_silhouettes_have_exact_ends() {
     let size = UVec2::new(160, 120);
-    let view = View::new(&camera().uniform(size, DVec3::ZERO));
+    let view = ViewSpace::new(&camera().uniform(size, DVec3::ZERO));
     let level = |z: f64| DVec3::new(0.0, 0.0, -1.0 / z);
     let half = |pi: DVec3, right: bool| Layer {
         size,
@@ -105,7 +105,7 @@ fn unions_and_silhouettes_have_exact_ends() {
 #[test]
 fn crossed_layers_end_immediately() {
     let size = UVec2::new(160, 120);
-    let view = View::new(&camera().uniform(size, DVec3::ZERO));
+    let view = ViewSpace::new(&camera().uniform(size, DVec3::ZERO));
     let layer = |z: f64| Layer {
         size,
         planes: vec![DVec3::new(0.0, 0.0, -1.0 / z); size.element_product() as usize],
@@ -132,7 +132,7 @@ fn crossed_layers_end_immediately() {
 #[test]
 fn entries_are_from_the_front() {
     let size = UVec2::new(160, 120);
-    let view = View::new(&camera().uniform(size, DVec3::ZERO));
+    let view = ViewSpace::new(&camera().uniform(size, DVec3::ZERO));
     let floor = DVec3::new(0.0, 0.0, -1.0 / 6.0);
     let card = DVec3::new(0.0, 0.0, -1.0 / 5.0);
     let layer = Layer {
@@ -159,7 +159,7 @@ fn entries_are_from_the_front() {
 #[test]
 fn scores_of_known_answers() {
     let size = UVec2::new(160, 120);
-    let view = View::new(&camera().uniform(size, DVec3::ZERO));
+    let view = ViewSpace::new(&camera().uniform(size, DVec3::ZERO));
     let layer = Layer { size, planes: vec![DVec3::new(0.0, 0.0, -0.2); 160 * 120] };
     let o = 4.0 * view.omega(DVec2::new(60.5, 60.5));
     let hit = entry(&view, &layer, o, DVec3::NEG_Z, IVec2::new(60, 60)).expect("a level plane");
@@ -199,7 +199,7 @@ fn planar() -> (Scene, ViewLayers) {
         half_extent = 50.0";
     let scene = Project::parse(toml, "planar", "".as_ref()).unwrap().scene;
     let size = UVec2::new(160, 120);
-    let view = View::new(&camera().uniform(size, DVec3::ZERO));
+    let view = ViewSpace::new(&camera().uniform(size, DVec3::ZERO));
     let water = plane(DVec3::new(0.0, 0.0, -4.5), DVec3::new(0.15, -0.1, -1.0));
     let floor = plane(DVec3::new(0.0, 0.0, -5.5), DVec3::new(0.1, 0.2, 1.0));
     let all = |pi: DVec3| (0..160 * 120).map(|i| texel(&view, size, i, pi)).collect::<Vec<_>>();
@@ -216,7 +216,7 @@ fn every_intersector_solves_a_plane() {
     let Some(gpu) = gpu() else { return };
     let (scene, layers) = planar();
     let uniform = camera().uniform(layers.size, DVec3::ZERO);
-    let view = View::new(&uniform);
+    let view = ViewSpace::new(&uniform);
     let truths = truths(&world_from_view(&camera()), &uniform, &scene, &layers, Target::Solids);
     let bench = Bench::new(gpu, &uniform, &layers).unwrap();
     let refract = |solver| Refract { solver, ..Refract::default() };

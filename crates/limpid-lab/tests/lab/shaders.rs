@@ -9,7 +9,7 @@ mod wgsl;
 
 use std::path::Path;
 
-use limpid::gpu::shader::{RENDERER, Variant};
+use limpid::gpu::shader::{RENDERER, Words};
 use limpid_lab::report::shaders::SHADERS;
 
 use self::wgsl::{check, specialise};
@@ -48,7 +48,7 @@ fn benchmark_is_valid_with_every_intersector() {
     let roots: Vec<_> = RENDERER.roots.iter().filter(is_intersector).collect();
     assert!(roots.len() >= 7, "{roots:?}");
     for root in roots.into_iter().chain(&["report/nothing.wgsl"]) {
-        let text = SHADERS.source("report/intersect.wgsl", Variant::of(root));
+        let text = SHADERS.source("report/intersect.wgsl", Words::of(root));
         let (module, info) = check(root, &text).unwrap_or_else(|problem| panic!("{problem}"));
         specialise(root, &module, &info).unwrap_or_else(|problem| panic!("{problem}"));
     }

@@ -2,7 +2,7 @@
 
 use super::{BLOCK, Layout, Splat, Sum};
 use crate::gpu::Gpu;
-use crate::liquid::classify::surface;
+use crate::liquid::classify::iso_surface;
 use crate::settings::Classify;
 
 /// Lines for which there is always room where members may have three each.
@@ -39,7 +39,7 @@ impl Capacity {
         if size_of::<Splat>() as u64 * (splats + 1) > most || 4 * (cells + 1) > most {
             return None;
         }
-        let lines = match surface::refines(settings) {
+        let lines = match iso_surface::refines(settings) {
             true => (3 * members).min(members.max(LINES)).min(most / POINT),
             false => 1,
         };

@@ -62,7 +62,7 @@ impl<'a> Receivers<'a> {
         Self { chart: *chart, texels, surroundings: Some(surroundings) }
     }
 
-    pub(super) fn of_planes(light: &LightView, view: &layers::View, planes: &Layer) -> Self {
+    pub(super) fn of_planes(light: &LightView, view: &layers::ViewSpace, planes: &Layer) -> Self {
         let width = light.size.x;
         let receiver = |i: u32| {
             let texel = UVec2::new(i % width, i / width);

@@ -175,7 +175,7 @@ impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
 
 /// Traces light rays through layers, in view space.
 pub(super) struct LayerTracer<'a> {
-    pub(super) view: layers::View,
+    pub(super) view: layers::ViewSpace,
     pub(super) classes: &'a [&'a Pair],
     pub(super) solids: &'a Layer,
     pub(super) ior: f64,

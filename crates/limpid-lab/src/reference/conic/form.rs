@@ -19,7 +19,7 @@ pub(super) const EDGES: [[usize; 3]; 3] = [[0, 1, 2], [0, 2, 1], [1, 2, 0]];
 
 /// Where a conic crosses an edge of its triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Crossing {
+pub(super) struct EdgeCrossing {
     pub(super) edge: usize,
     /// From the edge's first end to its second, 0 to 1.
     pub(super) s: f64,
@@ -27,7 +27,7 @@ pub(super) struct Crossing {
     pub(super) rising: bool,
 }
 
-impl Crossing {
+impl EdgeCrossing {
     pub(super) fn point(&self) -> DVec2 {
         match self.edge {
             0 => DVec2::new(self.s, 0.0),
@@ -75,10 +75,10 @@ impl Conic {
 
     /// Finds where the form rises, or falls, through 0 along an edge; a zero at a vertex counts as
     /// positive. There is at most one of each.
-    pub(super) fn crossing(&self, edge: usize, rising: bool) -> Option<Crossing> {
+    pub(super) fn crossing(&self, edge: usize, rising: bool) -> Option<EdgeCrossing> {
         let [from, to, _] = EDGES[edge];
         let s = edge_crossing(self.vertices[from], self.edges[edge], self.vertices[to], rising)?;
-        Some(Crossing { edge, s, rising })
+        Some(EdgeCrossing { edge, s, rising })
     }
 
     fn polar(&self, a: DVec2, b: DVec2) -> f64 {
@@ -113,7 +113,7 @@ impl Conic {
     /// Finds where the arc from `x` leaves the triangle. It is followed with the positive side of
     /// the form on its right or, for `along` = -1, on its left. `None` for an arc that closes
     /// inside.
-    pub(super) fn exit(&self, x: DVec2, along: f64) -> Option<Crossing> {
+    pub(super) fn exit(&self, x: DVec2, along: f64) -> Option<EdgeCrossing> {
         // The triangle lies on the other side of p–r.
         let out = [along < 0.0, along > 0.0, along < 0.0];
         let found = [0, 1, 2].map(|edge| self.crossing(edge, out[edge]));
@@ -132,7 +132,7 @@ impl Conic {
     /// Cosine of the angle by which a line through `x`, rotated from the tangent in the direction
     /// in which the arc bends, reaches a crossing. Every line meets the conic once more, so this
     /// orders the crossings along the arc; those beyond infinity come later.
-    fn turn(&self, x: DVec2, along: f64, crossing: &Crossing) -> f64 {
+    fn turn(&self, x: DVec2, along: f64, crossing: &EdgeCrossing) -> f64 {
         let to = crossing.point() - x;
         let length = to.length();
         if length < 1e-9 {

@@ -2,7 +2,7 @@
 
 use glam::{DMat2, DVec2, DVec3, IVec2};
 
-use super::form::{Conic, Crossing, EDGES, barycentric};
+use super::form::{Conic, EDGES, EdgeCrossing, barycentric};
 use super::{Grid, LightSource, Path};
 
 /// A receiver and a light, with the index of refraction.
@@ -68,7 +68,12 @@ impl Triangle {
     }
 
     /// The neighbour across a crossing: that edge in the same direction, then the new vertex.
-    pub(super) fn beyond(&self, grid: &Grid, sight: &Sight, crossing: &Crossing) -> Option<Self> {
+    pub(super) fn beyond(
+        &self,
+        grid: &Grid,
+        sight: &Sight,
+        crossing: &EdgeCrossing,
+    ) -> Option<Self> {
         let [from, to, opposite] = EDGES[crossing.edge];
         // The two triangles of any edge of the grid form a parallelogram.
         let third = self.at[from] + self.at[to] - self.at[opposite];

@@ -3,7 +3,7 @@
 use glam::{DMat4, DVec2, DVec3, IVec2, UVec2};
 use rayon::prelude::*;
 
-use crate::reference::layers::{Layer, LayerHit, Pair, View, exit};
+use crate::reference::layers::{Layer, LayerHit, Pair, ViewSpace, exit};
 use crate::reference::surroundings::Surroundings;
 use crate::reference::trace::first_last;
 use crate::reference::{Ray, optics};
@@ -99,12 +99,12 @@ impl Score {
 /// a pixel offset: relative to the disparity, or to an orthographic view's width.
 const DEPTH_TOLERANCE: f64 = 2e-3;
 
-fn tolerance(view: &View, depth: f64) -> f64 {
+fn tolerance(view: &ViewSpace, depth: f64) -> f64 {
     DEPTH_TOLERANCE * if view.far.is_some() { 2.0 * view.tangent.x } else { 1.0 / depth }
 }
 
 /// Whether a hit that may be off by `pixels` on the screen agrees with the true one in depth.
-fn consistent(view: &View, truth: &LayerHit, u: DVec2, depth: f64, pixels: f64) -> bool {
+fn consistent(view: &ViewSpace, truth: &LayerHit, u: DVec2, depth: f64, pixels: f64) -> bool {
     // Change of disparity or height per pixel along the true surface.
     let per_pixel = truth.plane.truncate() * view.tangent * 2.0 / view.size;
     let slope = per_pixel.length() * (u.distance(truth.u).min(pixels) + 0.5);
@@ -116,12 +116,12 @@ fn consistent(view: &View, truth: &LayerHit, u: DVec2, depth: f64, pixels: f64) 
 }
 
 /// Whether a hit is within a pixel of the true one and consistent with it in depth.
-pub(super) fn solves(view: &View, truth: &LayerHit, u: DVec2, depth: f64) -> bool {
+pub(super) fn solves(view: &ViewSpace, truth: &LayerHit, u: DVec2, depth: f64) -> bool {
     u.distance(truth.u) <= 1.0 && consistent(view, truth, u, depth, 1.0)
 }
 
 /// Scores a method's answers.
-pub fn score(view: &View, truths: &[Truth], answers: &[Answer]) -> Score {
+pub fn score(view: &ViewSpace, truths: &[Truth], answers: &[Answer]) -> Score {
     let mut score = Score::default();
     let mut squares = 0.0;
     for (truth, answer) in truths.iter().zip(answers) {
@@ -156,7 +156,7 @@ pub const OFF: f64 = 10.0;
 
 /// Sums the squared distances of the answers from the truth, pixels², over all solvable rays, and
 /// counts these rays. Distances are clamped to [`OFF`].
-pub fn hit_error(view: &View, truths: &[Truth], answers: &[Answer]) -> (f64, u64) {
+pub fn hit_error(view: &ViewSpace, truths: &[Truth], answers: &[Answer]) -> (f64, u64) {
     let mut sum = (0.0, 0);
     for (truth, answer) in truths.iter().zip(answers) {
         let Truth::Hit(hit) = truth else { continue };
@@ -171,7 +171,7 @@ pub fn hit_error(view: &View, truths: &[Truth], answers: &[Answer]) -> (f64, u64
 
 /// The refracted ray of each pixel with liquid, in view space, and the pixel.
 fn rays<'a>(
-    view: &'a View,
+    view: &'a ViewSpace,
     layers: &'a [Pair],
     ior: f64,
 ) -> impl IndexedParallelIterator<Item = Option<(DVec3, DVec3, IVec2)>> + 'a {
@@ -200,7 +200,7 @@ pub fn truths(
     layers: &ViewLayers,
     target: Target,
 ) -> Vec<Truth> {
-    let view = View::new(uniform);
+    let view = ViewSpace::new(uniform);
     let size = layers.size;
     let pair = |texels: &[Vec<[f32; 4]>; 2]| texels.each_ref().map(|t| Layer::new(size, t));
     let classes: Vec<Pair> =
@@ -247,7 +247,7 @@ pub fn world_from_view(camera: &Camera) -> DMat4 {
 impl ViewLayers {
     /// Computes the exact layers of analytic water over solids: its front where no solid hides it.
     pub(super) fn exact(subject: &Subject, camera: &Camera, size: UVec2) -> Self {
-        let view = View::new(&camera.uniform(size, DVec3::ZERO));
+        let view = ViewSpace::new(&camera.uniform(size, DVec3::ZERO));
         let surroundings = Surroundings::new(&subject.scene);
         let [front, _] = first_last(&*subject.liquid, camera, size);
         let world_from_view = world_from_view(camera);

@@ -372,7 +372,7 @@ fn gathered_map_matches_the_reference() {
         view_formats: &[],
     });
     let map_view = map.create_view(&Default::default());
-    let guarded = limpid::gpu::shader::Variant::of("refract/guarded.wgsl");
+    let guarded = limpid::gpu::shader::Words::of("refract/guarded.wgsl");
     let text = limpid::gpu::shader::RENDERER.source("caustics/gather.wgsl", guarded);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("gather"),

@@ -7,7 +7,7 @@ use super::{Ray, wide};
 
 /// A camera and the size of its picture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View {
+pub(super) struct ImagePlane {
     pub(super) eye: DVec3,
     /// Columns are the axes of view space: right, up, back.
     pub(super) world_from_view: DMat3,
@@ -19,7 +19,7 @@ pub(super) struct View {
     pub(super) size: DVec2,
 }
 
-impl View {
+impl ImagePlane {
     pub(super) fn new(camera: &Camera, size: UVec2) -> Self {
         let (eye, target) = (wide(camera.eye), wide(camera.target));
         let back = (eye - target).normalize();
