@@ -110,9 +110,11 @@ fn same(rust: (Vec<Field>, usize), text: &str, name: &str) -> Result<(), String>
     if rust == wgsl { Ok(()) } else { Err(format!("{name}\n Rust: {rust:?}\n WGSL: {wgsl:?}")) }
 }
 
-/// Structs in buffers that Rust writes and shaders read have the same layout.
-#[test]
-fn shared_structs_agree() {
+/// A struct in Rust, and the root and the name of its twin in WGSL.
+type Shared = ((Vec<Field>, usize), &'static str, &'static str);
+
+/// Structs of the camera and the scene.
+fn camera_and_scene() -> Vec<Shared> {
     let camera = rust_struct!(CameraUniform {
         view_from_world,
         origin,
@@ -122,36 +124,6 @@ fn shared_structs_agree() {
         far,
         pad,
         shift
-    });
-    let bins_params =
-        rust_struct!(bins::Params { splats, lanes, tiles, entries, band, swell, rest, kinds, pad });
-    let splat =
-        rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
-    let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu, least });
-    let gaps = rust_struct!(gaps::Params { least });
-    let refract = rust_struct!(refract::Params {
-        absorption,
-        ior,
-        contact,
-        interfaces,
-        internal_bounces,
-        reach,
-        ambient_shares,
-        ambient_paths,
-        eye_depth,
-        pad_eye_depth,
-    });
-    let structure = rust_struct!(refract::StructureParams { structure });
-    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded, dither, first_row });
-    let host = rust_struct!(host::Params { offset, slope, cleared });
-    let surface = rust_struct!(surface::Params {
-        previous_from_world,
-        offset,
-        seconds,
-        previous_tangent,
-        previous_shift,
-        reach,
-        pad,
     });
     let scene = rust_struct!(scene_binding::SceneUniform {
         zenith,
@@ -196,6 +168,45 @@ fn shared_structs_agree() {
         height,
         layer,
     });
+    vec![
+        (camera, "splat/layers.wgsl", "Camera"),
+        (scene, "gbuffer.wgsl", "Scene"),
+        (solid, "gbuffer.wgsl", "Solid"),
+        (light, "gbuffer.wgsl", "Light"),
+        (light_view, "gbuffer.wgsl", "LightView"),
+    ]
+}
+
+/// Structs of passes.
+fn passes() -> Vec<Shared> {
+    let bins_params =
+        rust_struct!(bins::Params { splats, lanes, tiles, entries, band, swell, rest, kinds, pad });
+    let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu, least });
+    let gaps = rust_struct!(gaps::Params { least });
+    let refract = rust_struct!(refract::Params {
+        absorption,
+        ior,
+        contact,
+        interfaces,
+        internal_bounces,
+        reach,
+        ambient_shares,
+        ambient_paths,
+        eye_depth,
+        pad_eye_depth,
+    });
+    let structure = rust_struct!(refract::StructureParams { structure });
+    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded, dither, first_row });
+    let host = rust_struct!(host::Params { offset, slope, cleared });
+    let surface = rust_struct!(surface::Params {
+        previous_from_world,
+        offset,
+        seconds,
+        previous_tangent,
+        previous_shift,
+        reach,
+        pad,
+    });
     let caustics = rust_struct!(caustics::Params {
         power,
         steps,
@@ -212,6 +223,24 @@ fn shared_structs_agree() {
         pad,
     });
     let sections = rust_struct!(tiles::Sections { tiles, words, count });
+    vec![
+        (bins_params, "bins/project.wgsl", "Params"),
+        (smooth, "smooth/plane_fit.wgsl", "Params"),
+        (refract, "refract/guarded.wgsl", "Params"),
+        (tonemap, "tonemap.wgsl", "Params"),
+        (host, "host.wgsl", "Params"),
+        (surface, "surface/images.wgsl", "Params"),
+        (caustics, "caustics/deposit.wgsl", "CausticParams"),
+        (sections, "tiles.wgsl", "Sections"),
+        (gaps, "gaps/split.wgsl", "Params"),
+        (structure, "refract/structure.wgsl", "Params"),
+    ]
+}
+
+/// Structs of classification.
+fn classification() -> Vec<Shared> {
+    let splat =
+        rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
     let classify_params = rust_struct!(device::Params {
         least,
         per_cell,
@@ -243,28 +272,18 @@ fn shared_structs_agree() {
     });
     let wall = rust_struct!(device::Wall { middle, kind, extent, size, tags, behind, pad });
     let sum = rust_struct!(device::Sum { count, squares });
-    let table = [
-        (camera, "splat/layers.wgsl", "Camera"),
+    vec![
         (splat, "splat/layers.wgsl", "Splat"),
-        (bins_params, "bins/project.wgsl", "Params"),
-        (smooth, "smooth/plane_fit.wgsl", "Params"),
-        (refract, "refract/guarded.wgsl", "Params"),
-        (tonemap, "tonemap.wgsl", "Params"),
-        (host, "host.wgsl", "Params"),
-        (surface, "surface/images.wgsl", "Params"),
-        (scene, "gbuffer.wgsl", "Scene"),
-        (solid, "gbuffer.wgsl", "Solid"),
-        (light, "gbuffer.wgsl", "Light"),
-        (light_view, "gbuffer.wgsl", "LightView"),
-        (caustics, "caustics/deposit.wgsl", "CausticParams"),
-        (sections, "tiles.wgsl", "Sections"),
-        (gaps, "gaps/split.wgsl", "Params"),
-        (structure, "refract/structure.wgsl", "Params"),
         (classify_params, "classify/shape.wgsl", "Params"),
         (sum, "classify/scan.wgsl", "Sum"),
         (wall, "classify/walls.wgsl", "Wall"),
-    ];
-    for (rust, root, name) in table {
+    ]
+}
+
+/// Structs in buffers that Rust writes and shaders read have the same layout.
+#[test]
+fn shared_structs_agree() {
+    for (rust, root, name) in [camera_and_scene(), passes(), classification()].concat() {
         same(rust, &source(root), name).unwrap_or_else(|problem| panic!("{root}: {problem}"));
     }
 }

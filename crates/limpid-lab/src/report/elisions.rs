@@ -66,6 +66,13 @@ const OF_LIGHTS: &[&str] = &["light splat", "light tiles", "light gbuffer", "cau
 
 /// Builds all cases from a frame with aggregates over solids.
 pub fn cases(frame: &Frame) -> Vec<Case> {
+    [without_need(frame), kept(frame)].concat()
+}
+
+const SUN: Light = Light::Sun { direction: Vec3::new(0.3, -1.0, 0.2), irradiance: Vec3::ONE };
+
+/// Work that a frame does not need.
+fn without_need(frame: &Frame) -> Vec<Case> {
     let mut base = frame.clone();
     base.splats.splashes.clear();
     base.scene.lights.clear();
@@ -90,7 +97,6 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
         surface: Surface::Color(Vec3::ONE),
         lit,
     };
-    let sun = Light::Sun { direction: Vec3::new(0.3, -1.0, 0.2), irradiance: Vec3::ONE };
     let case = |name: &'static str,
                 forced_by: &'static str,
                 left_out: &'static [&'static str],
@@ -130,7 +136,7 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
     ));
 
     let mut unlit = base.clone();
-    unlit.scene.lights = vec![sun];
+    unlit.scene.lights = vec![SUN];
     unlit.scene.solids.iter_mut().for_each(|solid| solid.lit = false);
     cases.push(case(
         "nothing to light: no caustics",
@@ -150,12 +156,16 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
         &bare,
         &|frame| frame.scene.solids.push(speck(false)),
     ));
+    cases
+}
 
-    // Cases that reuse results of the previous frame.
+/// Work whose results are kept from the frame before.
+fn kept(frame: &Frame) -> Vec<Case> {
+    let mut cases = Vec::new();
     let mut lit = frame.clone();
-    lit.scene.lights = vec![sun];
+    lit.scene.lights = vec![SUN];
     lit.scene.solids.iter_mut().for_each(|solid| solid.lit = true);
-    let mut reuse_case =
+    let mut case =
         |name: &'static str, left_out: &'static [&'static str], change: &dyn Fn(&mut Frame)| {
             let mut changed = lit.clone();
             change(&mut changed);
@@ -163,21 +173,17 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
             let (before, forced) = (Some(lit.clone()), changed.clone());
             cases.push(Case { name, forced_by, before, elided: changed, forced, left_out });
         };
-    reuse_case("the camera alone moves: no caustics", OF_LIGHTS, &|frame| {
+    case("the camera alone moves: no caustics", OF_LIGHTS, &|frame| {
         frame.camera = frame.camera.turned(0.05);
     });
-    reuse_case(
-        "more rays alone: no layers",
-        &["light splat", "caustics", "splat", "tiles"],
-        &|frame| {
-            let samples = &mut frame.scene.settings.refract.samples;
-            *samples = if *samples == 4 { 2 } else { 4 };
-        },
-    );
-    reuse_case("another exposure alone: no light", &["caustics", "splat", "refract"], &|frame| {
+    case("more rays alone: no layers", &["light splat", "caustics", "splat", "tiles"], &|frame| {
+        let samples = &mut frame.scene.settings.refract.samples;
+        *samples = if *samples == 4 { 2 } else { 4 };
+    });
+    case("another exposure alone: no light", &["caustics", "splat", "refract"], &|frame| {
         frame.scene.settings.tonemap.exposure += 0.5;
     });
-    reuse_case("nothing changes: nothing drawn", &["caustics", "splat", "refract"], &|_| ());
+    case("nothing changes: nothing drawn", &["caustics", "splat", "refract"], &|_| ());
     cases
 }
 

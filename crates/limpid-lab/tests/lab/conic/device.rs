@@ -5,6 +5,8 @@
 
 use glam::{DVec2, DVec3, UVec2};
 use limpid::gpu::Gpu;
+use limpid::gpu::shader::{RENDERER, Words};
+use limpid::wgpu;
 use limpid_lab::reference::conic::{Conic, Grid, LightSource, Path, Vertex, paths, walk};
 
 use super::{Pool, WATER, assert_near, one_conic, overhead, waves, wavy};
@@ -52,7 +54,7 @@ struct Found {
 }
 
 fn walk_on_device(gpu: &Gpu, grid: &Grid, starts: &[Start], steps: u32) -> Vec<Found> {
-    use limpid::wgpu::{self, util::DeviceExt};
+    use limpid::wgpu::util::DeviceExt;
     let buffer = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: Some("grid"),
         contents: bytemuck::cast_slice(&texels(grid)),
@@ -276,12 +278,72 @@ fn device_finds_existing_paths() {
     }
 }
 
+/// `caustics/gather.wgsl`, in a sun's view, with the map that it draws.
+struct GatherKernel<'a> {
+    gpu: &'a Gpu,
+    pipeline: wgpu::ComputePipeline,
+    map: wgpu::Texture,
+}
+
+impl<'a> GatherKernel<'a> {
+    fn new(gpu: &'a Gpu, size: u32) -> Self {
+        // As for devices that store neither uniforms nor layers, on any.
+        let text = RENDERER.source("caustics/gather.wgsl", Words::of("refract/guarded.wgsl"));
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("gather"),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("gather"),
+            layout: None,
+            module: &module,
+            entry_point: Some("gather"),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: &[("ORTHOGRAPHIC", 1.0)],
+                ..Default::default()
+            },
+            cache: None,
+        });
+        let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let format = wgpu::TextureFormat::Rgba32Float;
+        let map = gpu.texture("map", UVec2::splat(size), 1, format, usage);
+        Self { gpu, pipeline, map }
+    }
+
+    /// Draws the map from these groups, to the last of which it is added, and reads it.
+    fn run(&self, groups: [Vec<(u32, wgpu::BindingResource<'_>)>; 4]) -> Vec<[f32; 4]> {
+        let Self { gpu, pipeline, map } = self;
+        let view = map.create_view(&Default::default());
+        let mut groups = groups;
+        groups[3].push((2, wgpu::BindingResource::TextureView(&view)));
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(pipeline);
+            for (index, group) in (0..).zip(&groups) {
+                let entries: Vec<_> = (group.iter().cloned())
+                    .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+                    .collect();
+                let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: Some("test"),
+                    layout: &pipeline.get_bind_group_layout(index),
+                    entries: &entries,
+                });
+                pass.set_bind_group(index, &group, &[]);
+            }
+            pass.dispatch_workgroups(map.width() / 8, map.height() / 8, 1);
+        }
+        gpu.queue.submit([encoder.finish()]);
+        bytemuck::pod_collect_to_vec(&gpu.read_texture(map, 0).expect("the map is read"))
+    }
+}
+
 /// The map as the renderer computes it: in a sun's view, over wet floor, every texel's irradiance
 /// matches the walk in f64; texels without liquid are marked; and occluders cast shadows.
 #[test]
 fn gathered_map_matches_the_reference() {
     use limpid::camera::CameraUniform;
-    use limpid::wgpu::{self, util::DeviceExt};
+    use limpid::wgpu::util::DeviceExt;
     const SIZE: u32 = 32;
     let Some(gpu) = gpu() else { return };
     let size = UVec2::splat(SIZE);
@@ -320,35 +382,22 @@ fn gathered_map_matches_the_reference() {
     let dry_buffer = support::uniform(gpu, &params);
     let power = DVec3::new(3.0, 2.0, 1.0);
     let int = f32::from_bits;
-    let caustics = support::uniform(
-        gpu,
-        &[
-            3.0,
-            2.0,
-            1.0,
-            int(200),
-            0.0,
-            0.0,
-            1.0,
-            int(2),
-            int(SIZE),
-            int(SIZE),
-            1.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0_f32,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        ],
-    );
+    // Power, steps, light, interfaces, cells, gain; the rest is 0.
+    let mut values = [0.0; 24];
+    values[..11].copy_from_slice(&[
+        3.0,
+        2.0,
+        1.0,
+        int(200),
+        0.0,
+        0.0,
+        1.0,
+        int(2),
+        int(SIZE),
+        int(SIZE),
+        1.0,
+    ]);
+    let caustics = support::uniform(gpu, &values);
     let layers = support::texture(gpu, size, &[&front, &back]);
     let planes = support::texture(gpu, size, &[&solids]);
     // Liquid left of x = -0.25 is shadowed; the boundary runs between two vertices.
@@ -361,37 +410,10 @@ fn gathered_map_matches_the_reference() {
         contents: bytemuck::cast_slice(&shaded),
         usage: wgpu::BufferUsages::STORAGE,
     });
-    let map = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("map"),
-        size: wgpu::Extent3d { width: SIZE, height: SIZE, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba32Float,
-        usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
-        view_formats: &[],
-    });
-    let map_view = map.create_view(&Default::default());
-    let guarded = limpid::gpu::shader::Words::of("refract/guarded.wgsl");
-    let text = limpid::gpu::shader::RENDERER.source("caustics/gather.wgsl", guarded);
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("gather"),
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    });
-    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("gather"),
-        layout: None,
-        module: &module,
-        entry_point: Some("gather"),
-        compilation_options: wgpu::PipelineCompilationOptions {
-            constants: &[("ORTHOGRAPHIC", 1.0)],
-            ..Default::default()
-        },
-        cache: None,
-    });
-    let gathered = |params: &wgpu::Buffer| -> Vec<[f32; 4]> {
+    let kernel = GatherKernel::new(gpu, SIZE);
+    let gathered = |params: &wgpu::Buffer| {
         let view = wgpu::BindingResource::TextureView;
-        let groups = [
+        kernel.run([
             vec![(0, camera.as_entire_binding())],
             vec![
                 (0, params.as_entire_binding()),
@@ -402,50 +424,8 @@ fn gathered_map_matches_the_reference() {
                 (5, view(&planes)),
             ],
             vec![],
-            vec![
-                (0, caustics.as_entire_binding()),
-                (1, vertices.as_entire_binding()),
-                (2, view(&map_view)),
-            ],
-        ];
-        let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("readback"),
-            size: u64::from(SIZE * SIZE * 16),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(&pipeline);
-            for (index, group) in (0..).zip(groups) {
-                let entries: Vec<_> = group
-                    .into_iter()
-                    .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-                    .collect();
-                let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                    label: Some("test"),
-                    layout: &pipeline.get_bind_group_layout(index),
-                    entries: &entries,
-                });
-                pass.set_bind_group(index, &group, &[]);
-            }
-            pass.dispatch_workgroups(SIZE / 8, SIZE / 8, 1);
-        }
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(SIZE * 16),
-            rows_per_image: None,
-        };
-        encoder.copy_texture_to_buffer(
-            map.as_image_copy(),
-            wgpu::TexelCopyBufferInfo { buffer: &staging, layout },
-            map.size(),
-        );
-        gpu.queue.submit([encoder.finish()]);
-        staging.map_async(wgpu::MapMode::Read, .., |_| ());
-        gpu.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
-        bytemuck::pod_collect_to_vec(&staging.get_mapped_range(..).expect("the map is mapped"))
+            vec![(0, caustics.as_entire_binding()), (1, vertices.as_entire_binding())],
+        ])
     };
 
     let exact = rounded(&grid);
