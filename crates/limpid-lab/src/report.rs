@@ -188,12 +188,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
     if all || asked(RowKind::Pass) {
         progress("rates");
         report.rates = rates::measure(gpu)?;
-        let scenes: Vec<&str> = match (&options.scenes[..], options.quick) {
-            ([], true) => vec![BUDGETED[0]],
-            ([], false) => BUDGETED.to_vec(),
-            (scenes, _) => scenes.iter().map(String::as_str).collect(),
-        };
-        for name in scenes {
+        for name in budgeted(options) {
             progress(&format!("{name}: passes"));
             let (rates, repeats) = (report.rates, effort.repeats.max(5));
             let budgets =
@@ -215,4 +210,13 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         report.stress = stress::measure(gpu, &mut renderer, pictures)?;
     }
     Ok(report)
+}
+
+/// The scenes whose passes are budgeted.
+fn budgeted(options: &Options) -> Vec<&str> {
+    match (&options.scenes[..], options.quick) {
+        ([], true) => vec![BUDGETED[0]],
+        ([], false) => BUDGETED.to_vec(),
+        (scenes, _) => scenes.iter().map(String::as_str).collect(),
+    }
 }

@@ -338,6 +338,43 @@ impl<'a> GatherKernel<'a> {
     }
 }
 
+/// Compares a map of `size` texels a side with walks in 64 bits: the number of texels that are alike, that a walk finds in
+/// shadow, and that are compared.
+fn against_walks(
+    grid: &Grid,
+    size: u32,
+    map: &[[f32; 4]],
+    power: DVec3,
+    absorption: DVec3,
+) -> [usize; 3] {
+    let exact = rounded(grid);
+    let source = LightSource::Sun(DVec3::Z);
+    let (mut alike, mut shadowed, mut lit) = (0, 0, 0);
+    for (i, &[r, g, b, state]) in (0..).zip(map) {
+        let at = DVec2::new(f64::from(i % size), f64::from(i / size)) + 0.5;
+        let got = DVec3::new(r.into(), g.into(), b.into());
+        assert!(got.is_finite());
+        if i % size < 8 || i % size >= 24 {
+            assert_eq!((state, got), (0.0, DVec3::ZERO), "{at}");
+            continue;
+        }
+        let x = (2.0 * at / f64::from(size) - 1.0) * DVec2::new(1.0, -1.0);
+        let receiver = x.extend(-3.0);
+        let Some(path) = walk(&exact, &source, WATER, receiver, at, 200) else { continue };
+        if (path.position.x - -0.28).abs() < 0.035 || state != 1.0 {
+            continue;
+        }
+        let dark = path.position.x < -0.28;
+        shadowed += usize::from(dark);
+        let most = f64::from(size).sqrt();
+        let light = path.irradiance(power, absorption, DVec3::Z, most);
+        let expected = if dark { DVec3::ZERO } else { light };
+        alike += usize::from((got - expected).length() < 1e-3 * light.length());
+        lit += 1;
+    }
+    [alike, shadowed, lit]
+}
+
 /// The map as the renderer computes it: in a sun's view, over wet floor, every texel's irradiance
 /// matches the walk in f64; texels without liquid are marked; and occluders cast shadows.
 #[test]
@@ -428,31 +465,8 @@ fn gathered_map_matches_the_reference() {
         ])
     };
 
-    let exact = rounded(&grid);
-    let source = LightSource::Sun(DVec3::Z);
-    let (mut alike, mut shadowed, mut lit) = (0, 0, 0);
-    for (i, [r, g, b, state]) in (0..).zip(gathered(&params_buffer)) {
-        let at = DVec2::new(f64::from(i % SIZE), f64::from(i / SIZE)) + 0.5;
-        let got = DVec3::new(r.into(), g.into(), b.into());
-        assert!(got.is_finite());
-        if i % SIZE < 8 || i % SIZE >= 24 {
-            assert_eq!((state, got), (0.0, DVec3::ZERO), "{at}");
-            continue;
-        }
-        let x = (2.0 * at / f64::from(SIZE) - 1.0) * DVec2::new(1.0, -1.0);
-        let receiver = x.extend(-3.0);
-        let Some(path) = walk(&exact, &source, WATER, receiver, at, 200) else { continue };
-        if (path.position.x - -0.28).abs() < 0.035 || state != 1.0 {
-            continue;
-        }
-        let dark = path.position.x < -0.28;
-        shadowed += usize::from(dark);
-        let most = f64::from(SIZE).sqrt();
-        let light = path.irradiance(power, absorption, DVec3::Z, most);
-        let expected = if dark { DVec3::ZERO } else { light };
-        alike += usize::from((got - expected).length() < 1e-3 * light.length());
-        lit += 1;
-    }
+    let map = gathered(&params_buffer);
+    let [alike, shadowed, lit] = against_walks(&grid, SIZE, &map, power, absorption);
     assert!(lit > 15 * 31 && alike * 100 > lit * 97, "{alike} of {lit} alike");
     assert!(shadowed > 5, "{shadowed} shadowed");
     // Behind a film of air the floor is not in the liquid.
