@@ -54,7 +54,8 @@ check plain --ignore test_blender.py
 $all || exit 0
 
 say "fuzzing, memory, PyVista"
-environment full numpy pytest hypothesis pillow psutil pyvista matplotlib nbconvert ipykernel auditwheel
+environment full numpy pytest hypothesis pillow psutil pyvista matplotlib nbconvert ipykernel auditwheel twine
+"$folder/full/bin/twine" check --strict "$wheel"
 LIMPID_REQUIRE_PYVISTA=1 check full test_fuzz.py test_memory.py test_vtk.py test_film.py test_render.py
 "$folder/full/bin/auditwheel" show "$wheel" | grep -o 'manylinux_[0-9_a-z]*' | sort -u | head -n 1
 

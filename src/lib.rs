@@ -1,5 +1,8 @@
 //! limpid draws clear liquid straight from particles.
 //!
+// `docs/pictures/lagoon.png` as WebP, within the text: documentation of a crate holds no files beside it.
+#![doc = include_str!("front_picture.md")]
+//!
 //! This crate is only the renderer: it takes particles, a scene and a camera, and draws into a texture
 //! or into memory. Files, sequences and films are in `limpid-io`, simulations in `limpid-sim`, ground
 //! truth and reports in `limpid-lab`.
@@ -8,19 +11,19 @@
 //!
 //! ```text
 //! Particles ─ classify ─ Splats ─ splat ─ Layers ─ smooth ───────┐
-//! Scene ─ solids, environment ─ gbuffer ─ GBufferImages ─────────┤
+//! Scene ─ solids, environment ───────────────────────────────────┤
 //! lights ─ the same from the light ─ caustics ─ CausticMap ──────┤
 //!                                      refract ─ Radiance ─ tonemap ─ picture
 //! ```
 //!
 //! 1. [`liquid::classify`] splits particles into splashes and aggregates and gives each an ellipsoid.
-//! 2. `splat` draws them into four layers of tangent planes, front and back of each class.
+//! 2. `splat` draws them into layers of tangent planes: the front and the back of each class. `gaps` adds two layers for
+//!    each interval of air between liquid and liquid.
 //! 3. `smooth` fits planes to the aggregate layers.
-//! 4. `gbuffer` draws the opaque scene.
-//! 5. `caustics` renders one map per light of the light that passed through liquid, from the layers of
+//! 4. `caustics` renders one map per light of the light that passed through liquid, from the layers of
 //!    its [`light_view::LightView`]; only if a solid is lit.
-//! 6. `refract` traces rays through up to four interfaces, with absorption.
-//! 7. `tonemap` turns radiance into a picture.
+//! 5. `refract` traces rays through up to four interfaces, with absorption, to solids and environment.
+//! 6. `tonemap` turns radiance into a picture.
 //!
 //! [`renderer::Renderer::render`] is the whole frame on one page. A pass is one file in `src/passes/`, one
 //! in `shaders/`, one struct in [`settings`] and one row in the pass times.
