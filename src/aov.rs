@@ -29,6 +29,8 @@ pub enum Aov {
     Coverage,
     /// The same for each fluid, counted from 1: `mask.fluid1` and so on.
     Mask,
+    /// Value that colours an opaque body's surface, in the unit of the data; 0 where empty.
+    Value,
     /// Depth of each smoothed aggregate layer, m.
     SmoothDepth,
     /// Outward unit normal of each smoothed aggregate layer, view space.
@@ -52,12 +54,13 @@ pub enum Aov {
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Depth,
         Self::Normal,
         Self::Motion,
         Self::Coverage,
         Self::Mask,
+        Self::Value,
         Self::SmoothDepth,
         Self::SmoothNormal,
         Self::SolidDepth,
@@ -83,6 +86,7 @@ impl Aov {
             Self::Motion => "motion",
             Self::Coverage => "coverage",
             Self::Mask => "mask",
+            Self::Value => "value",
             Self::SmoothDepth => "smooth_depth",
             Self::SmoothNormal => "smooth_normal",
             Self::SolidDepth => "solid_depth",
@@ -245,6 +249,20 @@ pub async fn finish(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Pa
                         }
                     }
                 }
+            }
+            Aov::Value => {
+                let Some((colors, map)) = &images.colors else { continue };
+                let places = texels(gpu, colors, 0).await?;
+                let mut depths = vec![texels(gpu, &images.smoothed.texture, Layers::FRONT).await?];
+                if let Some(splash) = &images.splash {
+                    depths.push(texels(gpu, &splash.texture, Layers::FRONT).await?);
+                }
+                let is_liquid = |i: usize| depths.iter().any(|planes| planes[i][..3] != [0.0; 3]);
+                let value = |(i, place): (usize, &[f32; 4])| {
+                    if is_liquid(i) { map.value(place[3]) } else { 0.0 }
+                };
+                let values = places.iter().enumerate().map(value).collect();
+                channels.push(Channel { name: aov.to_string(), values });
             }
             Aov::SolidDepth => {
                 if let Some(gbuffer) = &images.gbuffer {

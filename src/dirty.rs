@@ -6,6 +6,7 @@
 use crate::camera::View;
 use crate::frame::FrameInput;
 use crate::liquid::classify::{Splat, Splats};
+use crate::liquid::colors::Colors;
 use crate::passes::view_passes::ViewConfig;
 use crate::scene::Scene;
 use crate::settings::Refract;
@@ -16,6 +17,7 @@ pub(crate) struct LastFrame {
     scene: Scene,
     view: View,
     splats: Splats,
+    colors: Option<Colors>,
     config: ViewConfig,
     diagnosed: bool,
 }
@@ -74,6 +76,7 @@ impl Dirty {
             || old.refract != new.refract
             || last.scene.environment != scene.environment
             || last.scene.background != scene.background
+            || last.colors.as_ref() != input.colors
             || last.diagnosed != diagnose;
         Self { splats, lights, surfaces, radiance }
     }
@@ -100,7 +103,8 @@ impl LastFrame {
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
             kept.device.clone_from(&splats.device);
         }
-        Self { scene: scene.clone(), view, splats: kept, config, diagnosed: diagnose }
+        let (scene, colors) = (scene.clone(), input.colors.cloned());
+        Self { scene, view, splats: kept, colors, config, diagnosed: diagnose }
     }
 }
 

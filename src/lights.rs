@@ -91,11 +91,11 @@ impl Lights {
                 self.passes.truncate(i);
                 self.passes.push(ViewPasses::new(gpu, view.orthographic));
             }
-            let map_settings = settings_of(placed, settings);
+            let map_settings = settings_of(placed, scene);
             let backs = map_settings.interfaces > 1;
             let gaps = gaps::count(&scene.settings.layers, map_settings.interfaces, splats);
             let size = view.size;
-            let mixture = mixture::is_mixed(scene);
+            let mixture = mixture::is_mixed(scene) && !scene.is_opaque();
             let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
             let gbuffer = true;
             let config = ViewConfig {
@@ -145,13 +145,17 @@ impl Lights {
         for ((placed, surfaces), passes) in self.views.iter().zip(&self.passes).zip(prepared) {
             let Some(maps) = &self.maps else { return };
             surfaces.record(&passes.surfaces, commands, timer, PassNames::LIGHT);
-            let map_settings = settings_of(placed, &scene.settings.caustics);
+            let map_settings = settings_of(placed, scene);
             let PlacedView { layer, corner, .. } = *placed;
             let light = &scene.lights[placed.light];
             let params = Params {
                 wet: u32::from(placed.wet),
                 corner: corner.to_array(),
                 ..Params::new(light, &placed.view, &map_settings)
+            };
+            let params = match scene.is_opaque() {
+                true => Params { power: [0.0; 3], ..params },
+                false => params,
             };
             let inputs = Inputs {
                 camera: &surfaces.camera,
@@ -273,11 +277,13 @@ fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
 }
 
 /// The settings for a view's map: a straight view has no caustics, and one that only judges direct light needs fronts
-/// alone.
-fn settings_of(placed: &PlacedView, settings: &settings::Caustics) -> settings::Caustics {
-    let interfaces = if placed.direct_only { 1 } else { settings.interfaces };
+/// alone. No light passes through an opaque body.
+fn settings_of(placed: &PlacedView, scene: &Scene) -> settings::Caustics {
+    let settings = &scene.settings.caustics;
+    let opaque = scene.is_opaque();
+    let interfaces = if placed.direct_only || opaque { 1 } else { settings.interfaces };
     match placed.slot {
-        0 => settings.clone(),
+        0 if !opaque => settings.clone(),
         _ => settings::Caustics {
             method: Method::Straight,
             blur: 0.0,

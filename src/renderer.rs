@@ -12,14 +12,17 @@ use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, Submitted
 use crate::host::HostRays;
 use crate::lights::{Lights, PreparedLight};
 use crate::liquid::blocks::Blocks;
+use crate::liquid::colors::ColorMap;
 use crate::memory;
 use crate::passes::caustics::CausticMap;
+use crate::passes::color::{Color, ColorImages};
 use crate::passes::gaps;
 use crate::passes::host::HostPass;
 use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, RefractImages, Variant};
 use crate::passes::scene_binding::SceneVariant;
+use crate::passes::shade::{Shade, ShadeImages};
 use crate::passes::smooth;
 use crate::passes::surface::{self, SurfaceBuffers, SurfaceImages, SurfacePass};
 use crate::passes::tiles::Sections;
@@ -47,6 +50,10 @@ pub struct Renderer {
     camera_view: ViewPasses,
     background: Background,
     picture: RefractImages,
+    /// Of opaque bodies.
+    shaded: Option<ShadeImages>,
+    /// Of opaque bodies whose particles have colours.
+    colored: Option<ColorImages>,
     surface: SurfaceBuffers,
     tonemap: Tonemap,
     composite: Tonemap,
@@ -83,6 +90,9 @@ pub struct Images {
     pub caustics: Vec<Option<CausticMap>>,
     /// The images of the first interface, if [`FrameInput::surface`] was set.
     pub surface: Option<SurfaceImages>,
+    /// Linear albedo of an opaque body's surface and the value's place in the map's range, with the map, if it is coloured by
+    /// values.
+    pub colors: Option<(wgpu::Texture, ColorMap)>,
     /// Number of fluids.
     pub fluids: usize,
     /// The linear picture.
@@ -107,6 +117,8 @@ impl Renderer {
             camera_view: ViewPasses::new(gpu, false),
             background: Background::default(),
             picture: RefractImages::new(gpu, UVec2::ONE, false),
+            shaded: None,
+            colored: None,
             surface: SurfaceBuffers::new(gpu),
             tonemap: Tonemap::new(gpu, false),
             composite: Tonemap::new(gpu, true),
@@ -306,6 +318,7 @@ impl Renderer {
         let size = (frame.config.size, frame.input.diagnose);
         if self.sized_for != size {
             self.picture = RefractImages::new(&self.gpu, size.0, size.1);
+            (self.shaded, self.colored) = (None, None);
             self.sized_for = size;
         }
     }
@@ -379,6 +392,7 @@ impl Renderer {
         if !frame.dirty.radiance {
             return;
         }
+        self.prepare_body(frame);
         let eye = &self.camera_view;
         let behind = match frame.input.host {
             Some(host) => Some(&host.color),
@@ -386,16 +400,35 @@ impl Renderer {
         };
         let structure = frame.input.scene.settings.refract.structure;
         let params = &frame.refract_params();
-        let inputs = refract::Inputs { eye, params, structure, behind, work: frame.work };
+        let body = frame.shade.as_ref().and(self.shaded.as_ref()).map(|shaded| &shaded.radiance);
+        let inputs = refract::Inputs { eye, params, structure, behind, body, work: frame.work };
         frame.refract = Some(Refract::prepare(&self.gpu, frame.variant, inputs, &mut self.picture));
         self.compiled = Some((frame.variant, eye.scene.variant));
     }
 
+    /// Prepares the radiance of an opaque body.
+    fn prepare_body(&mut self, frame: &mut PreparedFrame<'_>) {
+        let FrameInput { scene, splats, colors, size, .. } = frame.input;
+        if !scene.is_opaque() {
+            (self.shaded, self.colored) = (None, None);
+            return;
+        }
+        let (gpu, eye) = (&self.gpu, &self.camera_view);
+        frame.color = colors.map(|colors| {
+            let kept = self.colored.get_or_insert_with(|| ColorImages::new(gpu, size));
+            Color::prepare(gpu, eye, &frame.uniform, colors, kept)
+        });
+        let colored = self.colored.as_ref().filter(|_| colors.is_some());
+        let colored = colored.map(|colored| &colored.texture);
+        let images = self.shaded.get_or_insert_with(|| ShadeImages::new(gpu, size));
+        frame.shade = Some(Shade::prepare(gpu, eye, scene, splats.radius, colored, images));
+    }
+
     /// A timer for all passes of a frame.
     fn timer(&self, frame: &PreparedFrame<'_>) -> Timer {
-        // Those of the views; then host, mips, refract, surface and tonemap, and the caustics of each light.
+        // Those of the views; then host, mips, color, shade, refract, surface and tonemap, and the caustics of each light.
         let of_lights = (PassNames::COUNT + 1) * self.lights.views().len();
-        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 5 + of_lights)
+        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 7 + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
@@ -427,6 +460,12 @@ impl Renderer {
         timer: &mut Timer,
     ) -> Option<Pending> {
         let eye = &self.camera_view;
+        if let Some(color) = &frame.color {
+            color.record(commands.encoder, timer.span("color"));
+        }
+        if let Some(shade) = &frame.shade {
+            shade.record(commands, eye, timer.span("shade"));
+        }
         if let Some(refract) = &frame.refract {
             refract.record(commands, eye, timer.span("refract"));
         }
@@ -463,6 +502,7 @@ impl Renderer {
             gbuffer: view.has_gbuffer().then(|| view.images.gbuffer.clone()),
             caustics: self.lights.caustic_maps(),
             surface: self.shows_surface.then(|| self.surface.images.clone()).flatten(),
+            colors: self.colored.as_ref().and_then(ColorImages::by_value),
             fluids: self.fluids,
             radiance: picture.radiance.clone(),
             transparent: self.transparent,
@@ -511,6 +551,10 @@ pub struct PreparedFrame<'a> {
     host: Option<HostPass>,
     /// Mip levels of the layers, if the intersector reads them.
     mips: Option<Mips>,
+    /// Colours of an opaque body's surface, if they are drawn.
+    color: Option<Color>,
+    /// Radiance of an opaque body, if it is drawn.
+    shade: Option<Shade>,
     /// The picture, if it is drawn.
     refract: Option<Refract>,
     /// Images of the first interface, if they are drawn.
@@ -534,7 +578,8 @@ impl<'a> PreparedFrame<'a> {
         let screen_solids =
             settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
         let splash = splats.has_splashes();
-        let gaps = gaps::count(&settings.layers, settings.refract.interfaces, splats);
+        let interfaces = if scene.is_opaque() { 1 } else { settings.refract.interfaces };
+        let gaps = gaps::count(&settings.layers, interfaces, splats);
         let variant = Variant::new(scene, splash, gaps, host.is_some(), diagnose);
         let starts_inside = view_range::may_start_inside(splats, blocks, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
@@ -548,7 +593,7 @@ impl<'a> PreparedFrame<'a> {
             gbuffer: screen_solids || diagnose,
             host: host.is_some(),
             levels: if variant.mips() { mips::levels(size) } else { 1 },
-            backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
+            backs: interfaces > 1 || diagnose || starts_inside,
             gaps,
             smooth: !fits.is_empty() || gaps > 0,
             bounds: variant.bounds,
@@ -574,6 +619,8 @@ impl<'a> PreparedFrame<'a> {
             view: None,
             host: None,
             mips: None,
+            color: None,
+            shade: None,
             refract: None,
             surface: None,
             last,

@@ -43,19 +43,42 @@ pub struct Scene {
     pub settings: Settings,
 }
 
+/// What light does where it meets the liquid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Kind {
+    /// It enters and leaves, refracted and absorbed.
+    #[default]
+    Clear,
+    /// It does not enter: paint, plastic, lava, or data that a picture shows.
+    Opaque,
+}
+
 /// The liquid's optics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Liquid {
+    /// What light does where it meets the liquid.
+    pub kind: Kind,
     /// Index of refraction relative to the surrounding medium (0.3 to 3; water 1.33, an air bubble in
-    /// water 1/1.33).
+    /// water 1/1.33). Of an opaque body, that of its coat, 1 to 3; 1 for none.
     pub ior: f32,
     /// Absorption coefficients of red, green and blue light, 1/m.
     pub absorption: Vec3,
+    /// Albedo of an opaque body, linear RGB from 0 to 1, unless its particles have
+    /// [colours](crate::frame::FrameInput::colors).
+    pub color: Vec3,
+    /// Roughness of an opaque body's coat: the α of GGX microfacets, 0 to 1 (Walter et al. 2007).
+    pub roughness: f32,
 }
 
 impl Default for Liquid {
     fn default() -> Self {
-        Self { ior: 1.33, absorption: Vec3::new(1.2, 0.35, 0.12) }
+        Self {
+            kind: Kind::Clear,
+            ior: 1.33,
+            absorption: Vec3::new(1.2, 0.35, 0.12),
+            color: Vec3::splat(0.5),
+            roughness: 0.1,
+        }
     }
 }
 
@@ -317,9 +340,14 @@ impl Scene {
         }
     }
 
-    /// Whether the scene has a light and a lit solid.
+    /// Whether the scene has a light, and a lit solid or an opaque body.
     pub fn is_lit(&self) -> bool {
-        !self.lights.is_empty() && self.solids.iter().any(|solid| solid.lit)
+        !self.lights.is_empty() && (self.is_opaque() || self.solids.iter().any(|solid| solid.lit))
+    }
+
+    /// Whether no light enters the liquid.
+    pub fn is_opaque(&self) -> bool {
+        self.liquid.kind == Kind::Opaque
     }
 
     /// Checks all values against their ranges.
@@ -330,6 +358,19 @@ impl Scene {
         let fail = |origin: &str, problem: &str| Err(Error::invalid(origin, problem));
         if !(0.3..=3.0).contains(&self.liquid.ior) {
             return fail("liquid", "ior must be between 0.3 and 3");
+        }
+        if self.is_opaque() && self.liquid.ior < 1.0 {
+            return fail(
+                "liquid",
+                "the ior of an opaque body's coat must be at least 1; 1 is no coat",
+            );
+        }
+        let is_share = |x: f32| (0.0..=1.0).contains(&x);
+        if !self.liquid.color.to_array().into_iter().all(is_share) {
+            return fail("liquid", "color must be between 0 and 1");
+        }
+        if !is_share(self.liquid.roughness) {
+            return fail("liquid", "roughness must be between 0 and 1");
         }
         let absorbs = |a: &Vec3| a.is_finite() && a.min_element() >= 0.0;
         if !absorbs(&self.liquid.absorption) {

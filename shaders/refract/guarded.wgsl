@@ -6,6 +6,7 @@
 
 #import common/tiles.wgsl
 #import refract/bindings.wgsl
+#import refract/interfaces.wgsl
 #import refract/pixels.wgsl
 
 override BOUNDS: bool = false; // the bounds of the layers are known

@@ -4,6 +4,7 @@
 // [i, i + 1), and intersecting each texel's plane instead of comparing its depth. With a STRIDE above 1
 // it samples every STRIDE-th pixel, like their faster variant.
 
+#import refract/interfaces.wgsl
 #import refract/pixels.wgsl
 
 override STRIDE: u32 = 1u;

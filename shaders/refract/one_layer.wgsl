@@ -4,6 +4,7 @@
 //     fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface
 // Inside the liquid, `single` is the fallback for rays without an intersection.
 
+#import refract/interfaces.wgsl
 #import refract/pixels.wgsl
 
 fn clamped_texel(u: vec2f) -> vec2i {

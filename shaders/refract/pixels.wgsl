@@ -1,4 +1,8 @@
 // Entry points of refraction: pixels with liquid, pixels without, and the edges among these.
+//
+// A root defines what refract/looks.wgsl needs, and
+//     fn trace(u: vec2f, texel: vec2i) -> vec4f
+//         Radiance and coverage of the ray through pixel position `u` of a texel with liquid.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -6,8 +10,8 @@
 #import common/scene.wgsl
 #import common/tiles.wgsl
 #import refract/bindings.wgsl
-#import refract/interfaces.wgsl
 #import refract/lists.wgsl
+#import refract/looks.wgsl
 
 override COUNT: bool = false;     // write the diagnostics
 override EDGE_SAMPLES: u32 = 16u; // rays per edge pixel without liquid

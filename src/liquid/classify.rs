@@ -38,8 +38,8 @@ use tree::Tree;
 
 pub use device::{Classifier, DeviceSplats};
 pub use tree::estimate_radius;
-pub use walls::add_wall_contacts;
 pub(crate) use walls::{Extent, Eye, seen_past_walls};
+pub use walls::{add_closed_wall_contacts, add_wall_contacts};
 
 /// A splat in GPU layout: the ellipsoid { centre + A·s : |s| ≤ 1 }.
 ///

@@ -47,7 +47,7 @@ pub struct Params {
 }
 
 /// Group 1 of the passes over pixels: the names of `refract/bindings.wgsl`, in its order.
-pub const BINDINGS: [&str; 12] = [
+pub const BINDINGS: [&str; 13] = [
     "params",
     "aggregate_layers",
     "splash_layers",
@@ -60,6 +60,7 @@ pub const BINDINGS: [&str; 12] = [
     "tiles",
     "host_color",
     "first_radiance",
+    "body_radiance",
 ];
 
 /// Bytes before a list of pixels: the number of them, of rays and of fallbacks.
@@ -97,6 +98,8 @@ pub struct Inputs<'a> {
     pub structure: f32,
     /// A host's colour, or the background.
     pub behind: Option<&'a wgpu::TextureView>,
+    /// Radiance of an opaque body.
+    pub body: Option<&'a wgpu::Texture>,
     /// [`work`] per pixel.
     pub work: u64,
 }
@@ -172,7 +175,7 @@ impl Refract {
         inputs: Inputs<'_>,
         images: &mut RefractImages,
     ) -> Self {
-        let Inputs { eye, params, structure, behind, work } = inputs;
+        let Inputs { eye, params, structure, behind, body, work } = inputs;
         let tiles = &eye.images.tiles;
         if variant.adaptive && images.first_radiance.size() != images.radiance.texture.size() {
             let size = extent(&images.radiance.texture);
@@ -184,7 +187,9 @@ impl Refract {
         let diagnostics = view(&images.diagnostics);
         let planes = view(&eye.images.gbuffer.planes);
         let params = gpu.buffer_with("refract", gpu::UNIFORM, &[*params]);
-        let pixels = Pixels { gpu, variant, eye, params: &params, planes: &planes, behind };
+        let body = body.map(view);
+        let body = body.as_ref();
+        let pixels = Pixels { gpu, variant, eye, params: &params, planes: &planes, behind, body };
         let bind = |target: &_, seen: &_, list: &_, section| {
             pixels.bind([target, seen, &diagnostics], list, section)
         };
@@ -298,6 +303,7 @@ struct Pixels<'a> {
     params: &'a wgpu::Buffer,
     planes: &'a wgpu::TextureView,
     behind: Option<&'a wgpu::TextureView>,
+    body: Option<&'a wgpu::TextureView>,
 }
 
 impl Pixels<'_> {
@@ -308,7 +314,7 @@ impl Pixels<'_> {
         list: &wgpu::Buffer,
         section: u32,
     ) -> Bound {
-        let Self { gpu, variant, eye, params, planes, behind } = self;
+        let Self { gpu, variant, eye, params, planes, behind, body } = self;
         let gbuffer_surfaces = eye.images.gbuffer.surfaces.create_view(&Default::default());
         let mips = variant.mips();
         let view = |layers: &Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
@@ -329,6 +335,7 @@ impl Pixels<'_> {
             (gpu::storage_of(8), eye.images.tiles.section(list, section)),
             (read, TextureView(behind.unwrap_or(planes))),
             (read, TextureView(first_radiance)),
+            (read, TextureView(body.unwrap_or(planes))),
         ];
         gpu.bind("refract", &bindings)
     }

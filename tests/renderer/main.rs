@@ -11,6 +11,7 @@ mod interior;
 mod intersectors;
 mod look;
 mod mesh;
+mod opaque;
 mod refract;
 mod shader_math;
 mod smooth;

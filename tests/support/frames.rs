@@ -194,7 +194,7 @@ pub(crate) fn scene() -> Scene {
     settings.smooth.iterations = 0;
     settings.refract.edge_samples = 1;
     Scene {
-        liquid: Liquid { ior: 1.33, absorption: Vec3::ZERO },
+        liquid: Liquid { absorption: Vec3::ZERO, ..Liquid::default() },
         environment: Environment::Constant(Vec3::ONE),
         settings,
         ..Scene::default()

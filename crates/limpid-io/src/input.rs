@@ -262,7 +262,11 @@ impl Input {
         let classified = self.classifier.finish(particles, radius, settings, self.processor);
         let mut splats = classified.await?;
         splats.bulk = bulk.lost.map(|_| bulk.bounds);
-        classify::add_wall_contacts(&mut splats, &moved.solids(&scene.solids), settings.wetting);
+        let solids = moved.solids(&scene.solids);
+        match scene.is_opaque() {
+            true => classify::add_closed_wall_contacts(&mut splats, &solids, settings.wetting),
+            false => classify::add_wall_contacts(&mut splats, &solids, settings.wetting),
+        }
         Ok(Loaded {
             number,
             particles: particles.len(),

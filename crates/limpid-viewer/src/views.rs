@@ -95,6 +95,7 @@ impl View {
             Some(Aov::Motion) => "Motion",
             Some(Aov::Coverage) => "Coverage",
             Some(Aov::Mask) => "Masks of fluids",
+            Some(Aov::Value) => "Value",
             Some(Aov::SmoothDepth) => "Smoothed depth",
             Some(Aov::SmoothNormal) => "Smoothed normal",
             Some(Aov::SolidDepth) => "Depth of solids",
@@ -198,6 +199,7 @@ impl View {
             Some(Aov::Inside) => ("Length inside", "m", false, false),
             Some(Aov::Iterations) => ("Layer evaluations", "", false, true),
             Some(Aov::Failures) => ("Failures", "", false, true),
+            Some(Aov::Value) => ("Value", "", true, false),
             _ => ("Depth", "m", true, false),
         };
         let (low, high) = if depth {

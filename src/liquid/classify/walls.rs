@@ -13,12 +13,22 @@ use crate::scene::{Shape, Solid};
 /// SPH boundaries keep liquid one particle spacing off a wall. Without the copies there is a visible
 /// gap, with total reflection that a real tank does not have.
 pub fn add_wall_contacts(splats: &mut Splats, solids: &[Solid], reach: f32) {
+    add_copies(splats, solids, reach, &[1.0]);
+}
+
+/// As [`add_wall_contacts`] for opaque bodies, with another copy half-way to the solid: light enters clear liquid through the
+/// groove between a splat and its copy, but an opaque body shows it.
+pub fn add_closed_wall_contacts(splats: &mut Splats, solids: &[Solid], reach: f32) {
+    add_copies(splats, solids, reach, &[0.5, 1.0]);
+}
+
+/// Adds copies of the aggregates within `reach` radii of a solid, moved by these shares of the way to its surface.
+fn add_copies(splats: &mut Splats, solids: &[Solid], reach: f32, shares: &[f64]) {
     let origin = splats.origin;
     let touching = |splat: &Splat, number: u32, solid: &Solid| {
         let centre = Vec3::from_array(splat.centre).as_dvec3();
         let limit = f64::from(reach * splat.radius);
         let (distance, normal) = beside(&solid.shape, origin + centre, limit)?;
-        let moved = centre - distance * normal;
         let tags = match &solid.shape {
             Shape::Plane { normal: own, .. } => wall(number, own.as_dvec3(), normal),
             shape if shape.is_sheet() => {
@@ -27,10 +37,13 @@ pub fn add_wall_contacts(splats: &mut Splats, solids: &[Solid], reach: f32) {
             }
             _ => 0,
         };
-        (distance > 0.0).then(|| Splat {
-            centre: moved.as_vec3().to_array(),
-            tags: splat.tags | tags,
-            ..*splat
+        (distance > 0.0).then(|| {
+            let copy = |share: &f64| Splat {
+                centre: (centre - share * distance * normal).as_vec3().to_array(),
+                tags: splat.tags | tags,
+                ..*splat
+            };
+            shares.iter().map(copy).collect::<Vec<_>>()
         })
     };
     let aggregates = &splats.aggregates;
@@ -38,7 +51,7 @@ pub fn add_wall_contacts(splats: &mut Splats, solids: &[Solid], reach: f32) {
         .par_iter()
         .flat_map_iter(|splat| {
             let solids = (1..).zip(solids);
-            solids.filter_map(move |(number, solid)| touching(splat, number, solid))
+            solids.filter_map(move |(number, solid)| touching(splat, number, solid)).flatten()
         })
         .collect();
     splats.aggregates.extend(copies);

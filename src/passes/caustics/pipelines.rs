@@ -63,6 +63,8 @@ impl Key {
         (splash, gaps): (bool, u32),
     ) -> Self {
         let exact = Variant::new(scene, splash, gaps, false, false);
+        // No light passes through an opaque body, but its map shows where it is.
+        let exact = Variant { opaque: false, ..exact };
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
         // Settings that the kernels do not read must not create variants.
         let variant = Variant { solids: Solids::Exact, iterations: 0, bounds: false, ..variant };

@@ -2,7 +2,7 @@
 
 use crate::passes::mixture;
 use crate::scene::Scene;
-use crate::settings::{Fresnel, Reflections, Solids, Solver};
+use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 
 /// One specialisation of the shader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -47,6 +47,8 @@ pub struct Variant {
     pub transparent: bool,
     /// Gaps between liquid and liquid that a pixel distinguishes.
     pub gaps: u32,
+    /// No light enters the liquid: its first interface is all that is drawn.
+    pub opaque: bool,
     /// Write the diagnostics.
     pub count: bool,
 }
@@ -54,7 +56,11 @@ pub struct Variant {
 impl Variant {
     /// The variant with the fewest features that draws a frame.
     pub fn new(scene: &Scene, splash: bool, gaps: u32, host: bool, count: bool) -> Self {
-        let settings = &scene.settings.refract;
+        let settings = &match scene.is_opaque() {
+            true => Self::read_by_opaque(&scene.settings.refract),
+            false => scene.settings.refract.clone(),
+        };
+        let clear = !scene.is_opaque();
         let iterates = matches!(settings.solver, Solver::Newton | Solver::Secant);
         Self {
             solver: settings.solver,
@@ -67,22 +73,39 @@ impl Variant {
             edge_samples: settings.edge_samples,
             splash,
             bounds: settings.solver == Solver::Guarded,
-            absorption: mixture::strongest(scene) > 0.0,
-            mixture: mixture::is_mixed(scene),
+            absorption: clear && mixture::strongest(scene) > 0.0,
+            mixture: clear && mixture::is_mixed(scene),
             fresnel: settings.fresnel,
             radiance_scaling: settings.radiance_scaling,
-            contact: settings.contact > 0.0 && (host || !scene.solids.is_empty()),
+            contact: clear && settings.contact > 0.0 && (host || !scene.solids.is_empty()),
             solids: if host || scene.solids.is_empty() { Solids::Exact } else { settings.solids },
             reflections: settings.reflections,
             host,
             background: scene.background.is_some() && !host,
             transparent: settings.transparent,
             gaps,
+            opaque: scene.is_opaque(),
             count,
         }
     }
 
+    /// The settings that pictures of opaque bodies depend on; the others have their defaults.
+    fn read_by_opaque(settings: &settings::Refract) -> settings::Refract {
+        settings::Refract {
+            samples: settings.samples,
+            structure: settings.structure,
+            edge_samples: settings.edge_samples,
+            filter_patterns: settings.filter_patterns,
+            transparent: settings.transparent,
+            solver: Solver::Single,
+            ..settings::Refract::default()
+        }
+    }
+
     pub fn shader(self) -> &'static str {
+        if self.opaque {
+            return "refract/opaque.wgsl";
+        }
         match self.solver {
             Solver::Guarded => "refract/guarded.wgsl",
             Solver::March => "refract/march.wgsl",
@@ -114,9 +137,12 @@ impl Variant {
 
     pub fn constants(self) -> Vec<(&'static str, f64)> {
         let mut constants = self.switches().to_vec();
+        if !self.opaque {
+            constants.extend(self.inner_switches());
+            constants.push(("ITERATIONS", self.iterations.into()));
+        }
         constants.push(("SAMPLES", self.samples.into()));
         constants.push(("EDGE_SAMPLES", self.edge_samples.into()));
-        constants.push(("ITERATIONS", self.iterations.into()));
         constants.push(("GAPS", self.gaps.into()));
         match self.solver {
             Solver::Newton => constants.push(("FILTER", f64::from(u8::from(self.filter)))),
@@ -127,21 +153,33 @@ impl Variant {
         constants
     }
 
-    fn switches(self) -> [(&'static str, f64); 12] {
+    /// Switches of `refract/looks.wgsl` and `refract/pixels.wgsl`.
+    fn switches(self) -> [(&'static str, f64); 6] {
         [
             ("SPLASH", self.splash),
-            ("ABSORPTION", self.absorption),
-            ("MIXTURE", self.mixture),
-            ("SCHLICK", self.fresnel == Fresnel::Schlick),
-            ("RADIANCE_SCALING", self.radiance_scaling),
-            ("CONTACT", self.contact),
             ("SCREEN_SOLIDS", self.solids == Solids::Screen),
-            ("REFLECT_SOLIDS", self.reflections == Reflections::Scene),
             ("HOST", self.host),
             ("BACKGROUND", self.background),
             ("TRANSPARENT", self.transparent),
             ("COUNT", self.count),
         ]
-        .map(|(name, on)| (name, f64::from(u8::from(on))))
+        .map(switch)
     }
+
+    /// Switches of `refract/interfaces.wgsl`.
+    fn inner_switches(self) -> [(&'static str, f64); 6] {
+        [
+            ("ABSORPTION", self.absorption),
+            ("MIXTURE", self.mixture),
+            ("SCHLICK", self.fresnel == Fresnel::Schlick),
+            ("RADIANCE_SCALING", self.radiance_scaling),
+            ("CONTACT", self.contact),
+            ("REFLECT_SOLIDS", self.reflections == Reflections::Scene),
+        ]
+        .map(switch)
+    }
+}
+
+fn switch((name, on): (&'static str, bool)) -> (&'static str, f64) {
+    (name, f64::from(u8::from(on)))
 }

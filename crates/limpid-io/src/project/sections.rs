@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Selection};
 use limpid::environment::{Environment, Glow, MAX_RADIANCE};
 use limpid::liquid::Up;
-use limpid::scene::Liquid;
+use limpid::scene::{Kind, Liquid};
 use limpid::settings::{Caustics, Classify, Layers, Preset, Refract, Settings, Smooth, Tonemap};
 
 /// A `[background]`.
@@ -27,6 +27,18 @@ pub(super) struct LiquidFile {
     pub(super) ior: Option<f32>,
     pub(super) absorption: Option<Vec3>,
     pub(super) color: Option<Vec3>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) kind: Option<KindFile>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) roughness: Option<f32>,
+}
+
+/// `liquid.kind`.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum KindFile {
+    Clear,
+    Opaque,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -116,15 +128,41 @@ pub(super) fn absorption(
 
 impl LiquidFile {
     pub(super) fn of(liquid: &Liquid) -> Self {
-        Self { ior: Some(liquid.ior), absorption: Some(liquid.absorption), color: None }
+        let ior = Some(liquid.ior);
+        match liquid.kind {
+            Kind::Clear => Self { ior, absorption: Some(liquid.absorption), ..Self::default() },
+            Kind::Opaque => Self {
+                ior,
+                kind: Some(KindFile::Opaque),
+                color: Some(liquid.color),
+                roughness: Some(liquid.roughness),
+                ..Self::default()
+            },
+        }
     }
 
     pub(super) fn validated(self) -> Result<Liquid, String> {
         let default = Liquid::default();
+        if let Some(KindFile::Opaque) = self.kind {
+            if self.absorption.is_some() {
+                return Err("an opaque body absorbs no light on its way; give its color".into());
+            }
+            return Ok(Liquid {
+                kind: Kind::Opaque,
+                ior: self.ior.unwrap_or(1.0),
+                color: self.color.unwrap_or(default.color),
+                roughness: self.roughness.unwrap_or(default.roughness),
+                ..default
+            });
+        }
+        if self.roughness.is_some() {
+            return Err("roughness is of the coat of an opaque body: kind = \"opaque\"".into());
+        }
         let absorption = absorption(self.absorption, self.color)?;
         Ok(Liquid {
             ior: self.ior.unwrap_or(default.ior),
             absorption: absorption.unwrap_or(default.absorption),
+            ..default
         })
     }
 }

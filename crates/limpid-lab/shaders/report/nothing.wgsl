@@ -1,5 +1,6 @@
 // Null intersector, which measures the overhead of the benchmark.
 
+#import refract/interfaces.wgsl
 #import refract/pixels.wgsl
 
 fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {

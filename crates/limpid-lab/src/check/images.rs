@@ -47,7 +47,7 @@ impl ImageKind {
             Aov::Inside => Self::Length,
             Aov::Interfaces | Aov::Iterations | Aov::Failures => Self::Count,
             Aov::Motion => Self::Motion,
-            Aov::Radiance | Aov::Caustics | Aov::Coverage | Aov::Mask => Self::Light,
+            Aov::Radiance | Aov::Caustics | Aov::Coverage | Aov::Mask | Aov::Value => Self::Light,
         }
     }
 

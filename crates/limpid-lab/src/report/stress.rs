@@ -261,6 +261,7 @@ impl Trial {
             liquid: Liquid {
                 ior: self.ior as f32,
                 absorption: color(0.6, 0.3, 0.1) / self.scale as f32,
+                ..Liquid::default()
             },
             environment: Environment::Gradient {
                 zenith: color(0.2, 0.4, 0.9),

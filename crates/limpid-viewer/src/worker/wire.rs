@@ -155,7 +155,7 @@ impl Edits {
     pub(super) fn apply(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         scene.settings = self.settings.clone();
-        scene.liquid = Liquid { ior: self.ior, absorption: self.absorption };
+        scene.liquid = Liquid { ior: self.ior, absorption: self.absorption, ..scene.liquid };
         scene.fluids.clone_from(&self.fluids);
         if Sun::of(&scene) != self.sun {
             // The sky's disc turns with it.

@@ -1,0 +1,126 @@
+// Radiance of an opaque body: Lambertian, with a rough dielectric coat, in the light from around it (shade/around.wgsl) and
+// of the lights.
+
+#import shade/surface.wgsl
+
+@group(1) @binding(5) var around: texture_2d<u32>;
+@group(1) @binding(6) var body_radiance: texture_storage_2d<rgba32float, write>;
+
+fn unpacked_rgb(bits: u32) -> vec3f {
+    let mantissas = vec3f(vec3u(bits, bits >> 9u, bits >> 18u) & vec3u(511u));
+    return mantissas * exp2(f32(bits >> 27u) - 24.0);
+}
+
+fn unpacked_shares(bits: u32) -> vec3f {
+    return vec3f(vec3u(bits, bits >> 10u, bits >> 20u) & vec3u(1023u)) / 1000.0;
+}
+
+// Mean of what the 4 x 4 pixels around a texel see that are of its surface.
+struct Around {
+    light: vec3f,
+    mirrored: vec3f,
+    bounced: vec3f,
+}
+
+// How far pixels of one surface lie off its plane, in particle radii.
+const OFF_PLANE: f32 = 1.0;
+
+// Share of the hemisphere that the directions may miss.
+const NARROW: f32 = 0.003;
+
+fn around_of(p: vec2i, body: Body) -> Around {
+    var sum: Around;
+    var weight = 0.0;
+    let last = vec2i(camera.size) - 1;
+    let most = OFF_PLANE * params.radius + camera_pixel_side(body.position);
+    for (var i = 0; i < 16; i++) {
+        let texel = clamp(p + vec2i(i & 3, i >> 2u) - 2, vec2i(0), last);
+        let bits = textureLoad(around, texel, 0);
+        let disparity = bitcast<f32>(bits.w);
+        let omega = camera_omega(vec2f(texel) + 0.5);
+        let is_same = disparity > 0.0 && abs(depth_below(body.front, omega, disparity)) <= most;
+        let share = select(0.0, 1.0, is_same);
+        sum.light += share * unpacked_rgb(bits.x);
+        sum.mirrored += share * unpacked_rgb(bits.y);
+        sum.bounced += share * unpacked_shares(bits.z);
+        weight += share;
+    }
+    let inverse = 1.0 / max(weight, 1.0);
+    return Around(inverse * sum.light, inverse * sum.mirrored, inverse * sum.bounced);
+}
+
+// Share of a light that the body does not keep from itself. Its layers seen from the light say where that enters it; a place
+// counts as lit up to a particle radius below.
+fn own_light(index: u32, x: vec3f, n: vec3f) -> f32 {
+    let sun = lights[index].kind == SUN;
+    var view = VIEWS * index;
+    if STRAIGHT_VIEWS {
+        let straight = lights[index].straight;
+        view += min(straight, 1u);
+        if straight == CUBE {
+            view += cube_face(x - lights[index].place);
+        }
+    }
+    let light = light_views[view];
+    let point = in_light_view(light, sun, x + params.radius * n);
+    let slack = params.radius * select(point.disparity * point.disparity, 1.0, sun);
+    var dry = 0.0;
+    for (var i = 0; i < select(0, AROUND, point.inside); i++) {
+        let texel = near_texel(light, point, i);
+        let front = textureLoad(caustic_receivers, texel.at, light.layer, 0).w;
+        dry += select(0.0, texel.weight, front <= point.disparity + slack);
+    }
+    return select(1.0, min(dry, 1.0), point.inside);
+}
+
+// Of the coat: distribution of its facets times their visibility, over four times both cosines (Walter et al. 2007,
+// equations 20, 33 and 34).
+fn coat_lobe(cos_h: f32, cos_i: f32, cos_o: f32) -> f32 {
+    let alpha2 = max(params.roughness * params.roughness, 1e-4);
+    let spread = cos_h * cos_h * (alpha2 - 1.0) + 1.0;
+    let g_i = cos_i + sqrt(alpha2 + (1.0 - alpha2) * cos_i * cos_i);
+    let g_o = cos_o + sqrt(alpha2 + (1.0 - alpha2) * cos_o * cos_o);
+    return alpha2 / (PI * spread * spread) / (g_i * g_o);
+}
+
+@compute @workgroup_size(8, 8)
+fn shade_body(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let p = texel_of(group, local);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    let body = body_at(p);
+    if plane_is_empty(body.front) {
+        return;
+    }
+    let albedo = albedo_at(p);
+    let around = around_of(p, body);
+    // All bounces between places that are lit alike: a geometric series. Where no direction leads out, a narrower one might.
+    var diffuse = (around.light + NARROW * scene.ambient) / (vec3f(1.0 + NARROW) - around.bounced);
+    var mirrored = around.mirrored;
+    let cos_o = max(dot(body.normal, body.eye), 1e-3);
+    let x = camera_world_point(body.position);
+    let n = camera_world_direction(body.normal);
+    for (var i = 0u; i < LIGHTS; i++) {
+        let to_light = light_from(lights[i], x);
+        let cos_i = dot(n, to_light.direction);
+        if cos_i <= 0.0 || in_shadow(x, n, to_light, 0.0) {
+            continue;
+        }
+        let irradiance = lights[i].power * cos_i / to_light.distance2 * own_light(i, x, n);
+        if !COATED {
+            diffuse += irradiance / PI;
+            continue;
+        }
+        let transmitted = (1.0 - coat_reflectance(cos_i)) / params.mean_transmittance;
+        diffuse += transmitted * irradiance / PI;
+        let h = normalize(camera_world_direction(body.eye) + to_light.direction);
+        let reflected = coat_reflectance(max(dot(h, to_light.direction), 0.0));
+        mirrored += reflected * coat_lobe(max(dot(h, n), 0.0), cos_i, cos_o) * irradiance;
+    }
+    var radiance = albedo * diffuse;
+    if COATED {
+        radiance = (1.0 - coat_reflectance(cos_o)) * radiance + mirrored;
+    }
+    textureStore(body_radiance, p, vec4f(radiance, 1.0));
+}

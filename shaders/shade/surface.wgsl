@@ -1,0 +1,95 @@
+// The first surface of an opaque body at a pixel, and the light that is found for it.
+
+#import common/camera.wgsl
+#import common/layers.wgsl
+#import common/optics.wgsl
+#import common/scene.wgsl
+#import common/tiles.wgsl
+
+struct Params {
+    albedo: vec3f,             // linear RGB, where no colours are given
+    ior: f32,                  // of the coat; 1 for none
+    roughness: f32,            // alpha of the coat's microfacets (Walter et al. 2007)
+    mean_transmittance: f32,   // of the coat, for light from everywhere
+    radius: f32,               // of particles, m
+}
+
+override SPLASH: bool = false;  // the frame has splash layers
+override COLORED: bool = false; // particles have colours: color/means.wgsl
+override COATED: bool = false;  // the body has a coat
+
+@group(1) @binding(0) var<uniform> params: Params;
+@group(1) @binding(1) var aggregate_layers: $layers;
+@group(1) @binding(2) var splash_layers: $layers;
+@group(1) @binding(3) var colors: texture_2d<f32>;
+@group(1) @binding(4) var<storage, read> tiles: TileList;
+
+const PI: f32 = 3.14159265;
+
+// Plane of the nearest liquid at a texel; empty if there is none.
+fn front_at(texel: vec2i) -> vec3f {
+    var front = textureLoad(aggregate_layers, texel, FRONT$level).xyz;
+    if SPLASH {
+        let omega = camera_omega(vec2f(texel) + 0.5);
+        let splash = textureLoad(splash_layers, texel, FRONT$level).xyz;
+        front = select(front, splash, dot(splash, omega) > dot(front, omega));
+    }
+    return front;
+}
+
+// The surface at a texel's centre.
+struct Body {
+    front: vec3f,     // plane; empty if there is none
+    omega: vec3f,
+    disparity: f32,
+    position: vec3f,  // view space
+    normal: vec3f,    // unit, towards the eye
+    eye: vec3f,       // unit, towards the eye
+}
+
+fn body_at(texel: vec2i) -> Body {
+    var body: Body;
+    body.front = front_at(texel);
+    body.omega = camera_omega(vec2f(texel) + 0.5);
+    body.disparity = dot(body.front, body.omega);
+    body.position = camera_point(body.omega, body.disparity);
+    body.normal = -plane_normal(body.front);
+    body.eye = -camera_ray_direction(body.omega);
+    return body;
+}
+
+// Distance of the point at a disparity of the ray through `omega` from a plane; positive behind it.
+fn depth_below(plane: vec3f, omega: vec3f, disparity: f32) -> f32 {
+    let way = camera_distance(omega, disparity) - camera_distance(omega, max(dot(plane, omega), 1e-20));
+    return way * dot(plane_normal(plane), camera_ray_direction(omega));
+}
+
+fn albedo_at(texel: vec2i) -> vec3f {
+    if COLORED {
+        return textureLoad(colors, texel, 0).rgb;
+    }
+    return params.albedo;
+}
+
+// Share of light that the coat reflects at a microfacet.
+fn coat_reflectance(cos_theta: f32) -> f32 {
+    return optics_fresnel(cos_theta, optics_cos_transmitted(cos_theta, params.ior), params.ior);
+}
+
+// Two unit vectors perpendicular to a unit vector and to each other (Duff et al., Building an Orthonormal Basis,
+// Revisited, 2017).
+fn basis_around(n: vec3f) -> mat2x3f {
+    let s = select(-1.0, 1.0, n.z >= 0.0);
+    let a = -1.0 / (s + n.z);
+    let b = n.x * n.y * a;
+    return mat2x3f(vec3f(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3f(b, s + n.y * n.y * a, -n.y));
+}
+
+// The texel of a thread, or one beyond the picture.
+fn texel_of(group: vec3u, local: vec3u) -> vec2i {
+    let index = group_index(group);
+    if index >= tiles.count {
+        return vec2i(camera.size);
+    }
+    return tile_pixel(tiles.tiles[index], local.xy);
+}
