@@ -54,8 +54,8 @@ pub(crate) struct Args {
 
 #[cfg(feature = "viewer")]
 pub(crate) fn run(args: Args) -> anyhow::Result<u8> {
-    use limpid_viewer::demos::DEMOS;
-    use limpid_viewer::document::Source;
+    use limpid_viewer::model::demos::DEMOS;
+    use limpid_viewer::model::document::Source;
     use limpid_viewer::{Options, run};
 
     let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));

@@ -1,59 +1,20 @@
 //! The window of `limpid view`: inspect liquids, tune settings, save pictures.
 //!
 //! There are four kinds of threads. The interface's thread never blocks: it sends requests and shows
-//! results. The draw thread ([`draw_thread`]) runs the code of `limpid render`. The workers of a
+//! results. The draw thread ([`backend::native::draw_thread`]) runs the code of `limpid render`. The workers of a
 //! [`limpid_io::frame_cache::FrameCache`] load and classify frames ahead. Other long tasks (opening,
 //! simulating, dialogs, ground truth) each have a temporary thread. All of them send messages to the
 //! interface, which wake it; nothing else does except input and playback.
 //!
-//! A browser has no such threads: there one worker does what they do (`worker.rs`), with the same messages.
+//! A browser has no such threads: there one worker does what they do (`backend/web.rs`), with the same messages.
 //!
 //! [`Viewer::ui`] is one frame of the interface.
 
-mod actions;
-pub mod adaptive_resolution;
-mod background;
-mod baking;
-pub mod camera_controls;
-pub mod camera_panel;
-pub mod command_line;
-pub mod demos;
-mod dialogs;
-pub mod document;
-#[cfg(not(target_arch = "wasm32"))]
-pub mod draw_thread;
-pub mod drawing;
-#[cfg(not(target_arch = "wasm32"))]
-mod error_plot;
-#[cfg(not(target_arch = "wasm32"))]
-mod filming;
-mod first_screen;
-pub mod flipbook;
-mod frames;
-mod icons;
-mod log;
-mod messages;
-pub mod playback;
-mod recent;
-mod refine;
-mod scene_panel;
-mod settings_panel;
-pub mod shortcuts;
-mod state;
-mod style;
-mod timeline;
-mod times;
-mod toolbar;
-#[cfg(not(target_arch = "wasm32"))]
-mod truth;
-mod viewport;
-pub mod views;
-#[cfg(target_arch = "wasm32")]
-pub mod web;
-#[cfg(not(target_arch = "wasm32"))]
-mod window;
-#[cfg(target_arch = "wasm32")]
-mod worker;
+pub mod app;
+pub mod backend;
+pub mod model;
+pub mod panels;
+pub mod picture;
 
 use std::collections::BTreeSet;
 #[cfg(not(target_arch = "wasm32"))]
@@ -79,24 +40,28 @@ use limpid_io::input::FrameTime;
 #[cfg(not(target_arch = "wasm32"))]
 use limpid_io::shared_classifier::SharedClassifier;
 
-use adaptive_resolution::{AdaptiveResolution, Level};
-use background::drop_in_background;
-use document::{Document, Source};
 #[cfg(not(target_arch = "wasm32"))]
-use draw_thread::DrawThread;
-use flipbook::Flipping;
-use frames::Frames;
+use app::log::Log;
+use app::recent::Recent;
+use app::state::{CameraState, Editing, Interface, Jobs, OpenDocument, PictureState};
+use backend::background::{self, drop_in_background};
 #[cfg(not(target_arch = "wasm32"))]
-use log::Log;
+use backend::core::messages::{Message, Post};
+use backend::frames::Frames;
 #[cfg(not(target_arch = "wasm32"))]
-use messages::{Message, Post};
-use playback::{Playback, Speed};
-use recent::Recent;
-use state::{CameraState, Editing, Interface, Jobs, OpenDocument, PictureState};
-use views::View;
+use backend::native::draw_thread::DrawThread;
+use model::document::{Document, Source};
+use model::level::Level;
+use model::playback::{Playback, Speed};
+use model::views::View;
+#[cfg(not(target_arch = "wasm32"))]
+use panels::error_plot;
+use panels::{style, times};
+use picture::adaptive_resolution::AdaptiveResolution;
+use picture::flipbook::Flipping;
 
 #[cfg(not(target_arch = "wasm32"))]
-pub use window::run;
+pub use app::window::run;
 
 /// Rays per pixel of a picture at rest.
 pub const FINE_SAMPLES: u32 = 4;
@@ -186,7 +151,7 @@ pub struct Viewer {
     flipping: Flipping,
     /// What the address of the page asks for, once its source is open.
     #[cfg(target_arch = "wasm32")]
-    wishes: web::link::Wishes,
+    wishes: app::link::Wishes,
     times: times::History,
     #[cfg(not(target_arch = "wasm32"))]
     errors: error_plot::Errors,

@@ -17,7 +17,7 @@ use js_sys::Array;
 use limpid::frame::Picture;
 use limpid::gpu::Gpu;
 use limpid::gpu::shader::{RENDERER, Words};
-use limpid_viewer::web::{Page, PageOptions};
+use limpid_viewer::app::page::{Page, PageOptions};
 use wasm_bindgen::prelude::wasm_bindgen;
 use wasm_bindgen::{JsCast as _, JsError, JsValue};
 use web_sys::{File, HtmlCanvasElement};
@@ -25,7 +25,7 @@ use web_sys::{File, HtmlCanvasElement};
 /// Runs the worker of a page; to be called in a worker.
 #[wasm_bindgen]
 pub fn work() {
-    limpid_viewer::web::work();
+    limpid_viewer::backend::web::work();
 }
 
 /// Every shader of the renderer, with every intersector where one is chosen: a list of names and texts in WGSL, for

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 use limpid::camera::Camera;
-use limpid_viewer::camera_controls;
+use limpid_viewer::picture::camera_controls;
 
 /// Cameras at several scales, some near the poles.
 fn cameras() -> Vec<Camera> {

@@ -9,8 +9,8 @@ use glam::UVec2;
 use limpid::scene::{Light, Scene};
 use limpid_io::adjustments::{Floor, Sun};
 use limpid_io::project::Project;
-use limpid_viewer::demos::DEMOS;
-use limpid_viewer::document::Source;
+use limpid_viewer::model::demos::DEMOS;
+use limpid_viewer::model::document::Source;
 use limpid_viewer::{Options, Viewer};
 
 use super::{

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use egui_kittest::Harness;
-use limpid_viewer::document::Source;
+use limpid_viewer::model::document::Source;
 use limpid_viewer::{FINE_SAMPLES, Options, Viewer};
 
 const DATA: &str =

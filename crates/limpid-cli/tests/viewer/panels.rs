@@ -5,8 +5,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use limpid::settings::Preset;
 use limpid_io::project::controls::{CONTROLS, Control, ControlKind, Value, differences};
-use limpid_viewer::document::Source;
-use limpid_viewer::shortcuts::{POINTER, SHORTCUTS};
+use limpid_viewer::model::document::Source;
+use limpid_viewer::model::shortcuts::{POINTER, SHORTCUTS};
 use limpid_viewer::{Options, Viewer};
 
 use super::{harness, sequence, shown, until, wait};

@@ -8,12 +8,12 @@ use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
-use limpid_viewer::adaptive_resolution::AdaptiveResolution;
-use limpid_viewer::document::Document;
-use limpid_viewer::flipbook::{Flipbook, Moment, Subject, Viewpoint};
-use limpid_viewer::playback::{Playback, Speed};
-use limpid_viewer::shortcuts::{SHORTCUTS, action};
-use limpid_viewer::views::{Legend, View, viridis};
+use limpid_viewer::model::document::Document;
+use limpid_viewer::model::playback::{Playback, Speed};
+use limpid_viewer::model::shortcuts::{SHORTCUTS, action};
+use limpid_viewer::model::views::{Legend, View, viridis};
+use limpid_viewer::picture::adaptive_resolution::AdaptiveResolution;
+use limpid_viewer::picture::flipbook::{Flipbook, Moment, Subject, Viewpoint};
 
 use super::sequence;
 

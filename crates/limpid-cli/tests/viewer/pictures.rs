@@ -11,9 +11,9 @@ use limpid::scene::Scene;
 use limpid_io::input::{FrameTime, Input};
 use limpid_io::project::overrides::replaced;
 use limpid_viewer::Viewer;
-use limpid_viewer::adaptive_resolution::Level;
-use limpid_viewer::draw_thread::{Answer, DrawThread, Pane, Request};
-use limpid_viewer::views::View;
+use limpid_viewer::backend::native::draw_thread::{Answer, DrawThread, Pane, Request};
+use limpid_viewer::model::level::Level;
+use limpid_viewer::model::views::View;
 
 use super::{
     PATIENCE, assert_command_line_writes_what_is_saved, harness, same_picture, sequence, shell,

@@ -9,8 +9,8 @@ use egui_kittest::kittest::Queryable as _;
 use glam::Vec3;
 use limpid::liquid::Particles;
 use limpid_io::adjustments::Adjustments;
-use limpid_viewer::document::Source;
-use limpid_viewer::views::View;
+use limpid_viewer::model::document::Source;
+use limpid_viewer::model::views::View;
 use limpid_viewer::{Options, Viewer};
 
 use serde_json::Value;

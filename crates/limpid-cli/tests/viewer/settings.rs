@@ -10,8 +10,8 @@ use limpid_io::input::FrameTime;
 use limpid_io::project::controls::{CONTROLS, Control, ControlKind, PASSES, Value, differences};
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
-use limpid_viewer::command_line::{command_line, quoted};
-use limpid_viewer::document::Document;
+use limpid_viewer::model::command_line::{command_line, quoted};
+use limpid_viewer::model::document::Document;
 
 use super::sequence;
 

@@ -1,0 +1,172 @@
+//! The state of a viewer in the address of its page.
+//!
+//! | parameter | what |
+//! |---|---|
+//! | `scene` | URL of a scene or of particles; a pattern such as `frames/water_{}.bgeo`; a folder, if it ends in `/` |
+//! | `demo` | one of the demos instead: `dam_break`, `fountain`, `lagoon`, `vase` |
+//! | `in` | URL of a scene in which the particles are drawn, as `--scene` |
+//! | `frames` | the frames, as `--frames`; with them a pattern needs no list of files |
+//! | `frame` | number of the frame that is shown |
+//! | `play` | plays |
+//! | `camera` | as `--camera`, in the world, where y is up |
+//! | `view` | the intermediate image, by its name in `--aov` |
+//! | `refine` | `0`: a picture at rest has the rays of its settings, not four at least |
+//! | `set` | a setting, as `--set`; any number of times |
+//! | `look`, `sky`, `sun`, `floor`, `ior`, `tint`, `up`, `scale`, `fps`, `radius`, `missing` | as the options of `limpid render` |
+
+use std::fmt::Display;
+use std::str::FromStr;
+
+use glam::Vec3;
+use limpid::aov::Aov;
+use limpid::camera::Camera;
+use limpid::liquid::Up;
+use limpid_io::error::{Error, Result};
+use limpid_io::input::Missing;
+use limpid_io::project::controls;
+
+use crate::Viewer;
+use crate::model::demos;
+use crate::model::document::Source;
+use crate::model::views::View;
+
+/// What an address asks for.
+pub(crate) struct Link {
+    pub(crate) source: Source,
+    pub(crate) wishes: Wishes,
+}
+
+/// What an address asks for besides a source, once that is open.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Wishes {
+    pub(crate) frame: Option<i64>,
+    pub(crate) play: bool,
+    pub(crate) camera: Option<Camera>,
+    pub(crate) view: Option<Aov>,
+    pub(crate) unrefined: bool,
+}
+
+/// Reads the parameters of an address. Unknown ones are the server's.
+///
+/// # Errors
+/// [`Error::Usage`] naming the parameter and its problem.
+pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
+    let mut source = Source::default();
+    let mut wishes = Wishes::default();
+    let adjusted = &mut source.adjustments;
+    for (name, value) in query {
+        let value = value.as_str();
+        match name.as_str() {
+            "scene" => source.input = value.to_owned(),
+            "demo" => {
+                let known = demos::DEMOS.iter().find(|demo| demo.name == value);
+                let names: Vec<_> = demos::DEMOS.iter().map(|demo| demo.name).collect();
+                let problem = || fail(name, format!("expected one of {}", names.join(", ")));
+                source.input = known.ok_or_else(problem)?.source()?.input;
+            }
+            "in" => source.scene = Some(value.into()),
+            "frames" => source.frames = Some(parsed(name, value)?),
+            "frame" => wishes.frame = Some(parsed(name, value)?),
+            "play" => wishes.play = value != "false" && value != "0",
+            "camera" => wishes.camera = Some(parsed(name, value)?),
+            "view" => wishes.view = Some(parsed(name, value)?),
+            "refine" => wishes.unrefined = value == "false" || value == "0",
+            "set" => source.overrides.push(value.to_owned()),
+            "look" => adjusted.look = Some(parsed(name, value)?),
+            "sky" => adjusted.sky = Some(parsed(name, value)?),
+            "sun" => adjusted.sun = Some(parsed(name, value)?),
+            "floor" => adjusted.floor = Some(parsed(name, value)?),
+            "ior" => adjusted.ior = Some(parsed(name, value)?),
+            "tint" => adjusted.tint = Some(parsed(name, value)?),
+            "up" => {
+                adjusted.up = Some(match value {
+                    "y" => Up::Y,
+                    "z" => Up::Z,
+                    _ => return Err(fail(name, "expected y or z")),
+                });
+            }
+            "scale" => adjusted.scale = Some(parsed(name, value)?),
+            "fps" => adjusted.fps = Some(parsed(name, value)?),
+            "radius" => source.radius = Some(parsed(name, value)?),
+            "missing" => source.missing = parsed(name, value)?,
+            _ => {}
+        }
+    }
+    if source.input.is_empty() {
+        source.input = demos::FIRST_SOURCE.to_owned();
+    }
+    Ok(Link { source, wishes })
+}
+
+fn parsed<T: FromStr<Err: Display>>(name: &str, value: &str) -> Result<T> {
+    value.parse().map_err(|error| fail(name, format!("`{value}`: {error}")))
+}
+
+fn fail(name: &str, problem: impl Display) -> Error {
+    Error::Usage(format!("{name} in the address: {problem}"))
+}
+
+/// The parameters that open the picture of a viewer; `None` if it shows files of the user, or nothing.
+pub(crate) fn query(viewer: &Viewer) -> Option<String> {
+    let document = viewer.opened.document.as_ref()?;
+    let source = &document.source;
+    let mut pairs: Vec<(&str, String)> = Vec::new();
+    let is_url = |path: &str| path.starts_with("http:") || path.starts_with("https:");
+    match source.input.strip_prefix(demos::FOLDER) {
+        Some(_) if source.input == demos::FIRST_SOURCE => {}
+        Some(demo) => pairs.push(("demo", demo.trim_end_matches(".toml").into())),
+        None if is_url(&source.input) => pairs.push(("scene", source.input.clone())),
+        None => return None,
+    }
+    if let Some(scene) = &source.scene {
+        pairs.push(("in", scene.to_string_lossy().into_owned()));
+    }
+    if let Some(frames) = &source.frames {
+        pairs.push(("frames", frames.to_string()));
+    }
+    if let Some(at) = viewer.frame_time().filter(|_| viewer.playback.count() > 1) {
+        pairs.push(("frame", at.frame.to_string()));
+    }
+    if viewer.playback.playing {
+        pairs.push(("play", "1".into()));
+    }
+    if viewer.eye.camera != document.project.camera_for(Default::default()) {
+        pairs.push(("camera", viewer.eye.camera.to_string()));
+    }
+    if let View::Image(aov, _) = viewer.picture.view {
+        pairs.push(("view", aov.to_string()));
+    }
+    if !viewer.picture.refine {
+        pairs.push(("refine", "0".into()));
+    }
+    if let Some(radius) = source.radius {
+        pairs.push(("radius", radius.to_string()));
+    }
+    match source.missing {
+        Missing::Error => {}
+        Missing::Empty => pairs.push(("missing", "empty".into())),
+        Missing::Hold => pairs.push(("missing", "hold".into())),
+    }
+    pairs.extend(source.adjustments.arguments());
+    pairs.extend(source.adjustments.fps.map(|fps| ("fps", fps.to_string())));
+    pairs.extend(source.overrides.iter().map(|set| ("set", set.clone())));
+    let (plain, edited) = (&document.project.scene, &viewer.editing.scenes[viewer.editing.edited]);
+    for (control, value) in controls::differences(&plain.settings, &edited.settings) {
+        pairs.push(("set", format!("{}={value}", control.path())));
+    }
+    let vector = |v: Vec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);
+    if edited.liquid.ior != plain.liquid.ior {
+        pairs.push(("set", format!("liquid.ior={:?}", edited.liquid.ior)));
+    }
+    if edited.liquid.absorption != plain.liquid.absorption {
+        pairs.push(("set", format!("liquid.absorption={}", vector(edited.liquid.absorption))));
+    }
+    for (number, (new, old)) in (1..).zip(edited.fluids.iter().zip(&plain.fluids)) {
+        if new != old {
+            pairs.push(("set", format!("fluid.{number}.absorption={}", vector(*new))));
+        }
+    }
+    let encoded = |text: &str| String::from(js_sys::encode_uri_component(text));
+    let pairs = pairs.iter().map(|(name, value)| format!("{name}={}", encoded(value)));
+    Some(pairs.collect::<Vec<_>>().join("&"))
+}

@@ -1,0 +1,3 @@
+//! The work on threads.
+
+pub mod draw_thread;

@@ -1,0 +1,281 @@
+//! The open document: an input that is ready to be loaded, and its scene.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::playback::Speed;
+use limpid::camera::Camera;
+use limpid::liquid::Up;
+use limpid::look::Framing;
+use limpid::scene::Scene;
+use limpid_io::adjustments::Adjustments;
+use limpid_io::bake;
+use limpid_io::error::Result;
+use limpid_io::frames::FrameSpec;
+use limpid_io::input::{FrameTime, Input, Loaded, Missing, files_of};
+use limpid_io::notice::{self, Notice};
+use limpid_io::open::{Opened, Request};
+use limpid_io::output::{FileKind, Files};
+#[cfg(any(test, target_arch = "wasm32"))]
+use limpid_io::particles::readable_stem;
+use limpid_io::particles::{AttributeMap, ReadOptions, Selection};
+use limpid_io::project;
+use limpid_io::project::{LiquidSource, ParticleSource, Project};
+
+/// A source to open, as on the command line.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Source {
+    /// A scene, a recipe, a particle file, a pattern or a folder.
+    pub input: String,
+    /// The scene in which its particles are drawn.
+    pub scene: Option<PathBuf>,
+    /// Particle radius for files that have none, m.
+    pub radius: Option<f32>,
+    /// Overridden settings, as for `--set`.
+    pub overrides: Vec<String>,
+    /// The frames; all if absent.
+    pub frames: Option<FrameSpec>,
+    /// How missing frames are replaced.
+    pub missing: Missing,
+    /// How particle files are read.
+    #[serde(skip)]
+    pub options: ReadOptions,
+    /// Changes to the scene and to the reading of its files.
+    pub adjustments: Adjustments,
+    /// The picture that an automatic camera is for.
+    pub framing: Framing,
+}
+
+/// An open document.
+#[derive(Debug, Clone)]
+pub struct Document {
+    /// The source that it was opened from.
+    pub source: Source,
+    /// The source of the particles.
+    pub input: Input,
+    /// The scene as `limpid render` draws it without further arguments.
+    pub plain: Scene,
+    /// The project with the overrides of the command line.
+    pub project: Project,
+    /// Frame numbers, ascending; at least one.
+    pub numbers: Vec<i64>,
+    /// Identifies it between a page and its worker.
+    #[cfg(target_arch = "wasm32")]
+    pub(crate) id: u64,
+}
+
+impl Source {
+    /// A source without options.
+    pub fn new(input: impl Into<String>) -> Self {
+        Self { input: input.into(), ..Self::default() }
+    }
+}
+
+impl Document {
+    /// Opens a source. This may read the first frame.
+    ///
+    /// # Errors
+    /// As [`Input::open`] and [`Input::resolve`].
+    pub fn open(source: &Source) -> Result<Self> {
+        let request = Request {
+            input: Some(source.input.clone().into()),
+            scene: source.scene.clone(),
+            radius: source.radius,
+            overrides: source.overrides.clone(),
+            camera: None,
+            camera_up: None,
+            missing: source.missing,
+            options: source.options.clone(),
+            adjustments: source.adjustments.clone(),
+            framing: source.framing,
+            ..Request::default()
+        };
+        let Opened { input, plain, project, .. } = request.open()?;
+        let spec = source.frames.clone().unwrap_or_default();
+        let mut numbers = spec.numbers(&input.sequence, input.missing)?;
+        numbers.sort_unstable();
+        Ok(Self {
+            source: source.clone(),
+            input,
+            plain: plain.scene,
+            project,
+            numbers,
+            #[cfg(target_arch = "wasm32")]
+            id: 0,
+        })
+    }
+
+    /// The frame times of playback at a speed.
+    pub fn frame_times(&self, speed: Speed) -> Vec<FrameTime> {
+        self.input.frame_times(&self.numbers, speed.step())
+    }
+
+    /// Seconds from the first frame to a frame time.
+    pub fn seconds(&self, at: FrameTime) -> f64 {
+        let first = self.numbers.first().copied().unwrap_or(at.frame);
+        let part = at.fraction * at.next.abs_diff(at.frame) as f64;
+        let since = at.frame.abs_diff(first) as f64 + part;
+        since / (self.input.sequence.stride() as f64 * self.fps())
+    }
+
+    /// Index of the frame time nearest to a time, s; 0 if there are none.
+    pub fn nearest(&self, frame_times: &[FrameTime], seconds: f64) -> usize {
+        let distance = |at: usize| (self.seconds(frame_times[at]) - seconds).abs();
+        (0..frame_times.len())
+            .min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
+            .unwrap_or_default()
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        self.input.fps().unwrap_or(30.0)
+    }
+
+    /// The notices on its first frame, loaded for `scene`.
+    pub(crate) fn notices(&self, loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
+        let mut notices = notice::of_frame(loaded, scene);
+        notices.extend(notice::of_scene(scene));
+        notices.extend(notice::of_sequence(&self.input));
+        let incomplete = self.project.solid_files.remarks.iter().cloned();
+        notices.extend(incomplete.map(Notice::Incomplete));
+        notices
+    }
+
+    /// A short name for titles.
+    pub fn name(&self) -> &str {
+        let input = self.source.input.as_str();
+        #[cfg(target_arch = "wasm32")]
+        let input = input.split('?').next().unwrap_or(input);
+        let input = input.trim_end_matches('/');
+        input.rsplit('/').next().unwrap_or(input)
+    }
+
+    /// Fails if saving to `path` would overwrite the document's file, its environment map or its
+    /// particles, or a file of another kind.
+    ///
+    /// # Errors
+    /// As [`Files::writes`].
+    pub fn check_output(&self, path: &Path, kind: FileKind) -> Result<()> {
+        let mut files = Files::default();
+        let input = PathBuf::from(&self.source.input);
+        for input in [Some(&input), self.source.scene.as_ref()].into_iter().flatten() {
+            files_of(input).iter().for_each(|path| files.reads(path));
+        }
+        files.writes(path, kind)
+    }
+
+    /// As [`Document::check_output`], for a scene and the environment map beside it.
+    ///
+    /// # Errors
+    /// As [`Files::writes`].
+    pub fn check_scene_output(&self, path: &Path) -> Result<()> {
+        self.check_output(&path.with_extension("environment.exr"), FileKind::PICTURE)?;
+        self.check_output(path, project::FILE_KIND)
+    }
+
+    /// The project to save for a scene, with the particles that are drawn, whatever their source.
+    pub fn saved(&self, scene: Scene, camera: Camera, at: FrameTime) -> Project {
+        let camera = Some(camera);
+        let mut project = Project { scene, camera, ..self.project.clone() };
+        // In a browser the frames are in memory alone, and are simulated again.
+        if let LiquidSource::Simulation(simulation) = &project.source
+            && !cfg!(target_arch = "wasm32")
+        {
+            // The frames are stored beside the opened file, not beside the saved one.
+            let opened = Path::new(&self.source.input);
+            let name = opened.file_stem().unwrap_or_default().to_string_lossy();
+            project.source = LiquidSource::File(ParticleSource {
+                source: bake::frame_pattern(&bake::folder(opened), &name).into(),
+                frame: None,
+                radius: Some(simulation.particle_radius() as f32),
+                up: Some(Up::Y),
+                fps: Some(simulation.fps),
+                scale: None,
+                map: AttributeMap::default(),
+                select: Selection::default(),
+            });
+        }
+        let unnamed = match &project.source {
+            LiquidSource::Unspecified => Some(ParticleSource::default()),
+            LiquidSource::File(file) if self.source.scene.is_some() => Some(file.clone()),
+            _ => None,
+        };
+        if let Some(ParticleSource { radius, up, fps, scale, map, select, .. }) = unnamed {
+            project.source = LiquidSource::File(ParticleSource {
+                source: self.source.input.clone().into(),
+                frame: None,
+                radius: self.source.radius.or(radius),
+                up,
+                fps,
+                scale,
+                map,
+                select,
+            });
+        }
+        let adjusted = &self.source.adjustments;
+        for particles in project.source.files_mut() {
+            particles.frame = (self.numbers.len() > 1).then_some(at.frame);
+            particles.radius = self.source.radius.or(particles.radius);
+            particles.up = Some(self.input.up().0);
+            particles.scale = adjusted.scale.or(particles.scale);
+            particles.fps = adjusted.fps.or(particles.fps);
+            if !self.source.options.map.is_empty() {
+                particles.map.clone_from(&self.source.options.map);
+            }
+            if !self.source.options.select.is_automatic() {
+                particles.select.clone_from(&self.source.options.select);
+            }
+        }
+        project
+    }
+}
+
+/// What to open of files with these paths, which were dropped or chosen together: the scene among them, the only file,
+/// or the folder with the most particle files.
+#[cfg(any(test, target_arch = "wasm32"))]
+pub(crate) fn opened_of(paths: &[&str]) -> Option<String> {
+    let depth = |path: &str| path.matches('/').count();
+    let scenes = paths.iter().filter(|path| path.to_lowercase().ends_with(".toml"));
+    if let Some(scene) = scenes.min_by_key(|path| (depth(path), **path)) {
+        return Some((*scene).to_owned());
+    }
+    if let &[only] = paths {
+        return Some(only.to_owned());
+    }
+    let mut folders = std::collections::BTreeMap::<&str, usize>::new();
+    for path in paths {
+        let (folder, name) = path.rsplit_once('/').unwrap_or(("", path));
+        *folders.entry(folder).or_default() += usize::from(readable_stem(name).is_some());
+    }
+    let most =
+        folders.iter().max_by_key(|&(folder, count)| (count, std::cmp::Reverse(depth(folder))));
+    most.map(|(folder, _)| (*folder).to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of what was dropped, the scene is opened, the only file, or the folder of the sequence, whatever lies beside it.
+    #[test]
+    fn the_scene_or_the_sequence_is_opened() {
+        let opened = |paths: &[&str]| opened_of(paths);
+        assert_eq!(
+            opened(&["a/water_1.bgeo", "a/b/x.toml", "a/scene.TOML"]).unwrap(),
+            "a/scene.TOML"
+        );
+        assert_eq!(opened(&["water.bgeo"]).unwrap(), "water.bgeo");
+        assert_eq!(opened(&["water_1.bgeo", "water_2.bgeo"]).unwrap(), "");
+        let run = [
+            "run/log/a.log",
+            "run/log/b.txt",
+            "run/old/w_1.bgeo",
+            "run/p/w_1.bgeo",
+            "run/p/w_2.bgeo",
+        ];
+        assert_eq!(opened(&run).unwrap(), "run/p");
+        assert_eq!(opened(&["run/a.log", "run/b.log"]).unwrap(), "run");
+        assert_eq!(opened(&[]), None);
+    }
+}

@@ -1,0 +1,287 @@
+//! The side panel: settings of every pass, the camera, the times.
+
+use eframe::egui;
+use eframe::egui::SliderClamping::Edits;
+use serde_json::json;
+
+use crate::panels::toolbar::named;
+use crate::{Tab, Viewer};
+use limpid::scene::Scene;
+use limpid::settings::{Preset, Settings};
+use limpid_io::project::controls::{self, CONTROLS, Control, ControlKind, PASSES, Value};
+use limpid_io::project::overrides::replaced;
+use limpid_io::shared_classifier::Processor;
+
+/// End of sliders with a larger range: larger values can only be typed.
+const SLIDER_END: f64 = 1e6;
+
+impl Viewer {
+    pub(crate) fn side_panel(&mut self, ui: &mut egui::Ui) {
+        let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(8);
+        let panel = egui::Panel::right("side").frame(bar).default_size(350.0);
+        panel.size_range(300.0..=520.0).show(ui, |ui| {
+            ui.horizontal(|ui| {
+                for (tab, name) in
+                    [(Tab::Settings, "Settings"), (Tab::Camera, "Camera"), (Tab::Times, "Times")]
+                {
+                    ui.selectable_value(&mut self.interface.tab, tab, name);
+                }
+            });
+            ui.separator();
+            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                match self.interface.tab {
+                    Tab::Settings => self.settings(ui),
+                    Tab::Camera => self.camera_panel(ui),
+                    Tab::Times => self.show_times(ui),
+                }
+            });
+        });
+    }
+
+    fn settings(&mut self, ui: &mut egui::Ui) {
+        let Some(document) = self.opened.document.clone() else { return };
+        ui.horizontal(|ui| {
+            for (i, name) in ["A", "B"].into_iter().enumerate() {
+                let hint = format!("edit settings {name} (X)");
+                ui.selectable_value(&mut self.editing.edited, i, name).on_hover_text(hint);
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let (from, to) = if self.editing.edited == 0 { ("A", "B") } else { ("B", "A") };
+                let copy = ui.button(format!("Copy {from} to {to}"));
+                if copy.clicked() {
+                    self.editing.scenes[1 - self.editing.edited] =
+                        self.editing.scenes[self.editing.edited].clone();
+                }
+                let reset = ui.button("Reset all").on_hover_text("all as they were opened");
+                if reset.clicked() {
+                    self.editing.scenes[self.editing.edited] = document.project.scene.clone();
+                }
+            });
+        });
+        let scene = &mut self.editing.scenes[self.editing.edited];
+        let before = scene.clone();
+        ui.horizontal(|ui| {
+            ui.label("Preset");
+            let choice =
+                egui::ComboBox::from_id_salt("preset").selected_text(preset_of(&scene.settings));
+            let response = choice.width(120.0).show_ui(ui, |ui| {
+                for preset in Preset::ALL {
+                    if ui.selectable_label(false, preset.to_string()).clicked() {
+                        take_preset(&mut scene.settings, preset);
+                    }
+                }
+            });
+            named(&response.response, "Preset");
+        });
+        ui.checkbox(&mut self.picture.refine, "Refine pictures at rest").on_hover_text(format!(
+            "draw at least {} rays per pixel once nothing changes",
+            crate::FINE_SAMPLES
+        ));
+        ui.add_space(4.0);
+        section(ui, "scene", "Scene", |ui| {
+            grid(ui, "scene", |ui| self.scene_rows(ui, &document));
+        });
+        let scene = &mut self.editing.scenes[self.editing.edited];
+        section(ui, "liquid", "Liquid", |ui| {
+            liquid(ui, scene);
+            reset(ui, "liquid", || {
+                scene.liquid = document.project.scene.liquid;
+                scene.fluids.clone_from(&document.project.scene.fluids);
+            });
+        });
+        let table = controls::table(&scene.settings);
+        for (pass, title) in PASSES {
+            section(ui, pass, title, |ui| {
+                grid(ui, pass, |ui| {
+                    for control in CONTROLS.iter().filter(|control| control.pass == pass) {
+                        row(ui, control, &control.of(&table), &mut scene.settings);
+                    }
+                    if pass == "classify" {
+                        computed_on(ui, &mut self.opened.frames.processor);
+                    }
+                });
+                reset(ui, pass, || {
+                    for control in CONTROLS.iter().filter(|control| control.pass == pass) {
+                        let opened = control.get(&document.project.scene.settings);
+                        control.set(&mut scene.settings, &opened);
+                    }
+                    if pass == "classify" {
+                        self.opened.frames.processor = document.project.processor;
+                    }
+                });
+            });
+        }
+        if self.jobs.log.is_on() && *scene != before {
+            let changed = controls::differences(&before.settings, &scene.settings);
+            let what: Vec<String> = changed
+                .iter()
+                .map(|(control, value)| format!("{}={value}", control.path()))
+                .collect();
+            self.jobs.log.event("setting", json!({ "changed": what }));
+        }
+    }
+}
+
+/// Applies a preset as `--preset` does: to all settings except those of the picture.
+pub(crate) fn take_preset(settings: &mut Settings, preset: Preset) {
+    if let Ok(changed) = replaced(settings, &[format!("preset={preset}")]) {
+        *settings = changed;
+    }
+}
+
+/// Name of the preset that matches the settings of the method; those of the picture do not count.
+fn preset_of(settings: &Settings) -> String {
+    let fits = |preset: &Preset| {
+        let all = preset.settings();
+        (&all.classify, &all.layers, &all.smooth, &all.refract)
+            == (&settings.classify, &settings.layers, &settings.smooth, &settings.refract)
+    };
+    Preset::ALL.iter().find(|p| fits(p)).map_or("custom".into(), Preset::to_string)
+}
+
+/// A grid with names on the left and values over the rest of the panel.
+fn grid(ui: &mut egui::Ui, id: &str, rows: impl FnOnce(&mut egui::Ui)) {
+    const NAMES: f32 = 124.0;
+    const NUMBERS: f32 = 92.0;
+    ui.spacing_mut().slider_width = (ui.available_width() - NAMES - NUMBERS - 28.0).max(40.0);
+    let grid = egui::Grid::new(id).num_columns(2).min_col_width(NAMES);
+    grid.spacing([8.0, 5.0]).show(ui, rows);
+}
+
+fn section(ui: &mut egui::Ui, id: &str, title: &str, content: impl FnOnce(&mut egui::Ui)) {
+    let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong());
+    let open = ["scene", "liquid", "refract", "smooth"].contains(&id);
+    header.id_salt(id).default_open(open).show_unindented(ui, |ui| {
+        content(ui);
+        ui.add_space(4.0);
+    });
+}
+
+fn reset(ui: &mut egui::Ui, what: &str, act: impl FnOnce()) {
+    let button = ui.small_button(format!("Reset {what}")).on_hover_text("as it was opened");
+    if button.clicked() {
+        act();
+    }
+}
+
+/// A row for a setting: its name, and its `old` value with unit and range.
+fn row(ui: &mut egui::Ui, control: &Control, old: &Value, settings: &mut Settings) {
+    let hint = |ui: &mut egui::Ui| _ = ui.label(hint(control, settings));
+    let label = ui.label(control.label).on_hover_ui(hint);
+    let unit = match control.unit(settings) {
+        "" => String::new(),
+        unit if unit.starts_with('/') => unit.to_owned(),
+        unit => format!(" {unit}"),
+    };
+    let mut value = old.clone();
+    let response = match (control.kind, &mut value) {
+        (ControlKind::Number(low, high, _), Value::Number(x)) => {
+            ui.add(number_slider(x, low, high).suffix(unit))
+        }
+        (ControlKind::Whole(low, high, _), Value::Whole(n)) => {
+            let slider = egui::Slider::new(n, low..=high).suffix(unit).clamping(Edits);
+            ui.add(slider.logarithmic(high / low.max(1) > 64))
+        }
+        (ControlKind::Odd(low, high, _), Value::Whole(n)) => {
+            let before = *n;
+            let slider = egui::Slider::new(n, low..=high).suffix(unit).clamping(Edits);
+            let response = ui.add(slider.step_by(2.0));
+            if *n != before {
+                *n = (*n | 1).clamp(low, high);
+            }
+            response
+        }
+        (ControlKind::Toggle, Value::Toggle(yes)) => ui.checkbox(yes, ""),
+        (ControlKind::Choice(names), Value::Choice(name)) => {
+            let choice = egui::ComboBox::from_id_salt(control.path()).selected_text(name.as_str());
+            let response = choice.show_ui(ui, |ui| {
+                for &option in names {
+                    ui.selectable_value(name, option.to_owned(), option);
+                }
+            });
+            named(&response.response, control.label);
+            response.response
+        }
+        _ => label.clone(),
+    };
+    response.labelled_by(label.id).on_hover_ui(hint);
+    ui.end_row();
+    if value != *old {
+        control.set(settings, &value);
+    }
+}
+
+/// A row for the processor that classifies the particles.
+fn computed_on(ui: &mut egui::Ui, processor: &mut Processor) {
+    const NAME: &str = "Computed on";
+    const HINT: &str =
+        "The graphics device where that is faster, or one of the two.\ndefault auto\nclassify.on";
+    let label = ui.label(NAME).on_hover_text(HINT);
+    let choice = egui::ComboBox::from_id_salt("classify.on").selected_text(processor.to_string());
+    let response = choice.show_ui(ui, |ui| {
+        for option in Processor::ALL {
+            ui.selectable_value(processor, option, option.to_string());
+        }
+    });
+    named(&response.response, NAME);
+    response.response.labelled_by(label.id).on_hover_text(HINT);
+    ui.end_row();
+}
+
+fn hint(control: &Control, settings: &Settings) -> String {
+    let unit = control.unit(settings);
+    let range = match control.kind {
+        ControlKind::Number(low, high, _) => format!("\n{low} to {high} {unit}"),
+        ControlKind::Whole(low, high, _) => format!("\n{low} to {high} {unit}"),
+        ControlKind::Odd(low, high, _) => format!("\n{low} to {high}, odd"),
+        ControlKind::Toggle | ControlKind::Choice(_) => String::new(),
+    };
+    let default = control.get(&Settings::default());
+    format!("{}{}\ndefault {default}\n{}", control.help, range.trim_end(), control.path())
+}
+
+/// A slider over a range, logarithmic if the range is wide. Showing a number does not change it, even if
+/// it is finer than a step of the slider or outside the range.
+fn number_slider(x: &mut f32, low: f64, high: f64) -> egui::Slider<'_> {
+    let wide = high - low > 50.0;
+    let symmetric = low < 0.0;
+    let slider = egui::Slider::new(x, low as f32..=high.min(SLIDER_END) as f32)
+        .clamping(Edits)
+        .smart_aim(true);
+    // Format it as f32: 0.12, not 0.119999997. Show all digits, because leaving the field parses the text
+    // again.
+    let slider = slider.custom_formatter(|x, _| (x as f32).to_string());
+    match wide {
+        true if !symmetric => slider.logarithmic(true).smallest_positive(low.max(1e-3)),
+        true => slider.logarithmic(true).smallest_positive(1e-2),
+        false => slider,
+    }
+}
+
+fn liquid(ui: &mut egui::Ui, scene: &mut Scene) {
+    grid(ui, "liquid", |ui| {
+        let hint =
+            "Index of refraction: water 1.33, glass 1.5, a bubble of air in water 0.75.\n0.3 to 3";
+        let label = ui.label("Index").on_hover_text(hint);
+        let slider = number_slider(&mut scene.liquid.ior, 0.3, 3.0);
+        ui.add(slider).labelled_by(label.id).on_hover_text(hint);
+        ui.end_row();
+        if scene.fluids.is_empty() {
+            absorption(ui, "Absorption", &mut scene.liquid.absorption);
+        }
+        for (number, fluid) in (1..).zip(&mut scene.fluids) {
+            absorption(ui, &format!("Absorption {number}"), fluid);
+        }
+    });
+}
+
+/// Rows for the absorption of red, green and blue light.
+fn absorption(ui: &mut egui::Ui, name: &str, sigma: &mut glam::Vec3) {
+    for (axis, color) in ["red", "green", "blue"].into_iter().enumerate() {
+        let label = ui.label(format!("{name}, {color}"));
+        let slider = number_slider(&mut sigma[axis], 0.0, 1000.0).suffix(" /m");
+        let hint = "What is left of the light after a metre is exp(−this).";
+        ui.add(slider).labelled_by(label.id).on_hover_text(hint);
+        ui.end_row();
+    }
+}
