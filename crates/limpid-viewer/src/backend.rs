@@ -1,9 +1,16 @@
 //! The work behind the interface: opening, loading, simulating, drawing, writing.
+//!
+//! [`core`] is how it is done, and what is said of it. `native` does it on threads; `web` in the worker of a page, to
+//! which requests and answers travel as messages. Both have the same functions, which `here` names.
 
-pub(crate) mod background;
 pub mod core;
 pub(crate) mod frames;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod native;
 #[cfg(target_arch = "wasm32")]
 pub mod web;
+
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) use native as here;
+#[cfg(target_arch = "wasm32")]
+pub(crate) use web as here;

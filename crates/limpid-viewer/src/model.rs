@@ -1,9 +1,14 @@
-//! What is open and how it is shown.
+//! What is open and how it is shown: plain data, which all other folders use.
 
-pub mod command_line;
 pub mod demos;
 pub mod document;
+pub(crate) mod editing;
+pub(crate) mod eye;
 pub mod level;
+pub(crate) mod log;
+pub(crate) mod notices;
+pub(crate) mod platform;
 pub mod playback;
 pub mod shortcuts;
+pub(crate) mod stage;
 pub mod views;

@@ -1,14 +1,49 @@
-//! The panels around the picture.
+//! The panels around the picture. Each shows what it is given, may change some of that, and lists as [`Command`]s what
+//! else the user wants.
 
 mod camera;
 pub(crate) mod dialogs;
-#[cfg(not(target_arch = "wasm32"))]
 pub(crate) mod error_plot;
-mod first_screen;
+pub(crate) mod first_screen;
 mod icons;
 mod scene;
-mod settings;
+pub(crate) mod settings;
+pub(crate) mod side;
 pub(crate) mod style;
-mod timeline;
+pub(crate) mod timeline;
 pub(crate) mod times;
-mod toolbar;
+pub(crate) mod toolbar;
+
+pub(crate) use camera::camera_panel;
+use limpid_io::adjustments::Adjustments;
+use limpid_io::camera_path::Key;
+
+use crate::model::demos::Demo;
+use crate::model::document::Source;
+use crate::model::playback::Speed;
+use crate::model::shortcuts::Action;
+use crate::model::views::View;
+
+/// What the user wants of the viewer.
+#[derive(Debug)]
+pub(crate) enum Command {
+    /// The action of a button.
+    Act(Action),
+    Open(Source),
+    OpenDemo(&'static Demo),
+    /// Opens the current source again, with other adjustments.
+    Adjust(Adjustments),
+    /// Turns the sun, without opening the source again.
+    TurnSun(Adjustments),
+    SetSpeed(Speed),
+    SetView(View),
+    /// Goes to the frame of an index.
+    Seek(usize),
+    /// Goes to the camera and the time of a key.
+    GoTo(Key),
+    LoadPath,
+    SavePath,
+    StopFilm,
+    /// Traces the ground truth of the view.
+    Trace,
+}

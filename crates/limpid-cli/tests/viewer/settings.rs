@@ -10,7 +10,7 @@ use limpid_io::input::FrameTime;
 use limpid_io::project::controls::{CONTROLS, Control, ControlKind, PASSES, Value, differences};
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
-use limpid_viewer::model::command_line::{command_line, quoted};
+use limpid_viewer::app::command_line::{command_line, quoted};
 use limpid_viewer::model::document::Document;
 
 use super::sequence;

@@ -3,19 +3,15 @@
 use eframe::egui;
 use serde_json::json;
 
-#[cfg(not(target_arch = "wasm32"))]
+use crate::app::Viewer;
 use crate::model::document::Source;
 use crate::model::playback::Speed;
 use crate::model::shortcuts::{self, Action};
 use crate::model::views::View;
-use crate::panels::dialogs::Dialog;
-use crate::picture::camera_controls;
-use crate::{Compare, Viewer};
-use limpid::camera::Camera;
+use crate::panels::dialogs::{Dialog, Purpose};
 
 impl Viewer {
-    /// Opens a file that was dropped on the window. In a browser the page takes it.
-    #[cfg(not(target_arch = "wasm32"))]
+    /// Opens a file that was dropped on the window.
     pub(crate) fn take_files(&mut self, ctx: &egui::Context) {
         let dropped = ctx.input(|input| input.raw.dropped_files.clone());
         if let Some(file) = dropped.first() {
@@ -49,7 +45,7 @@ impl Viewer {
         match action {
             Action::Open | Action::Panels | Action::SavePicture | Action::SaveScene
                 if self.interface.plain => {}
-            Action::Open => self.interface.dialog = Some(Dialog::open()),
+            Action::Open => self.interface.dialog = Some(Dialog::new(Purpose::Open, "")),
             Action::Help => self.interface.help = !self.interface.help,
             Action::Close => {
                 self.interface.help = false;
@@ -67,114 +63,88 @@ impl Viewer {
             Action::Panels => self.interface.panels = !self.interface.panels,
             _ if self.opened.document.is_none() => {}
             Action::Play => self.toggle_play(),
-            Action::Reverse => self.playback.backwards = !self.playback.backwards,
-            Action::Next => self.playback.step_by(true),
-            Action::Previous => self.playback.step_by(false),
+            Action::Reverse => self.stage.playback.backwards = !self.stage.playback.backwards,
+            Action::Next => self.stage.playback.step_by(true),
+            Action::Previous => self.stage.playback.step_by(false),
             Action::First => self.seek(0),
-            Action::Last => self.seek(self.playback.count().saturating_sub(1)),
-            Action::Loop => self.playback.looped = !self.playback.looped,
-            Action::Faster => self.set_speed(self.playback.speed().next(true)),
-            Action::Slower => self.set_speed(self.playback.speed().next(false)),
+            Action::Last => self.seek(self.stage.playback.count().saturating_sub(1)),
+            Action::Loop => self.stage.playback.looped = !self.stage.playback.looped,
+            Action::Faster => self.set_speed(self.stage.playback.speed().next(true)),
+            Action::Slower => self.set_speed(self.stage.playback.speed().next(false)),
             Action::Fit => self.fit(),
             Action::Home => self.home(),
             Action::AddKey => self.add_key(),
             Action::NextView => {
                 let all: Vec<View> = View::all().collect();
                 let at = all.iter().position(|view| view.aov() == self.picture.view.aov());
-                self.set_view(all[(at.unwrap_or(0) + 1) % all.len()]);
+                let next = all[(at.unwrap_or(0) + 1) % all.len()];
+                self.picture.set_view(next, &mut self.log);
             }
-            Action::Picture => self.set_view(match self.picture.view {
-                View::Picture => self.picture.view_before,
-                View::Image(..) => View::Picture,
-            }),
+            Action::Picture => {
+                let view = match self.picture.view {
+                    View::Picture => self.picture.view_before,
+                    View::Image(..) => View::Picture,
+                };
+                self.picture.set_view(view, &mut self.log);
+            }
             Action::Compare => {
-                let at = Compare::ALL.iter().position(|&c| c == self.editing.compare).unwrap_or(0);
-                self.editing.compare = Compare::ALL[(at + 1) % Compare::ALL.len()];
+                self.stage.editing.compare = self.stage.editing.compare.next();
             }
-            Action::Swap => self.editing.edited = 1 - self.editing.edited,
+            Action::Swap => self.stage.editing.edited = 1 - self.stage.editing.edited,
             Action::SavePicture => {
                 // Kept pictures play without their particles, which are loaded once it pauses.
-                self.playback.playing = false;
+                self.stage.playback.playing = false;
                 self.interface.dialog = self.save_picture_dialog();
             }
-            #[cfg(target_arch = "wasm32")]
-            Action::SaveFilm => {
-                self.show_info("films are saved by the program: limpid render -o film.mp4".into());
-            }
-            #[cfg(not(target_arch = "wasm32"))]
             Action::SaveFilm => self.interface.dialog = self.save_film_dialog(),
             Action::SaveScene => self.interface.dialog = self.save_scene_dialog(),
-            #[cfg(target_arch = "wasm32")]
-            Action::Copy => self.copy_link(ctx),
-            #[cfg(not(target_arch = "wasm32"))]
-            Action::Copy => {
-                if let Some(command) = self.command_line("limpid.png") {
-                    ctx.copy_text(command.clone());
-                    self.show_info(format!("copied: {command}"));
-                }
-            }
+            Action::Copy => self.copy(ctx),
         }
     }
 
     pub(crate) fn toggle_play(&mut self) {
-        self.playback.playing = !self.playback.playing;
-        self.jobs.log.event(if self.playback.playing { "play" } else { "pause" }, json!({}));
+        self.stage.playback.playing = !self.stage.playback.playing;
+        self.log.event(if self.stage.playback.playing { "play" } else { "pause" }, json!({}));
     }
 
     pub(crate) fn seek(&mut self, index: usize) {
-        if index != self.playback.index() {
-            self.playback.seek(index);
-            self.jobs.log.event("seek", json!({ "index": index }));
+        if index != self.stage.playback.index() {
+            self.stage.playback.seek(index);
+            self.log.event("seek", json!({ "index": index }));
         }
     }
 
     pub(crate) fn set_speed(&mut self, speed: Speed) {
         let Some(document) = &self.opened.document else { return };
         // With missing frames, the same time may have different indices at the two speeds.
-        let seconds = self.frame_time().map_or(0.0, |at| document.seconds(at));
-        self.opened.frame_times = document.frame_times(speed).into();
-        let index = document.nearest(&self.opened.frame_times, seconds);
-        for side in &mut self.editing.sides {
+        let seconds = self.stage.frame_time().map_or(0.0, |at| document.seconds(at));
+        self.stage.frame_times = document.frame_times(speed).into();
+        let index = document.nearest(&self.stage.frame_times, seconds);
+        for side in &mut self.picture.sides {
             side.at = None;
         }
-        self.playback.set_speed(speed, self.opened.frame_times.len(), index);
+        self.stage.playback.set_speed(speed, self.stage.frame_times.len(), index);
         self.opened.failed.clear();
     }
 
-    pub(crate) fn set_view(&mut self, view: View) {
-        if self.picture.view != View::Picture {
-            self.picture.view_before = self.picture.view;
-        }
-        if self.picture.view != view {
-            self.jobs.log.event("view", json!({ "view": view.label() }));
-        }
-        self.picture.view = view;
-    }
-
-    pub(crate) fn set_camera(&mut self, camera: Camera) {
-        // Invalid cameras are ignored.
-        if camera != self.eye.camera && camera.check().is_ok() {
-            self.eye.camera = camera;
-            self.eye.follow = false;
+    fn fit(&mut self) {
+        if let Some(camera) = self.picture.fitted(&self.stage) {
+            self.stage.eye.set(camera);
         }
     }
 
-    pub(crate) fn fit(&mut self) {
-        if let Some(loaded) = &self.editing.sides[self.editing.edited].loaded {
-            let aspect = self.picture.viewport_size.as_dvec2();
-            let aspect = if aspect.min_element() > 0.0 { aspect.x / aspect.y } else { 1.0 };
-            let radius = f64::from(loaded.splats.radius);
-            let (min, max) = loaded.bulk.bounds;
-            let camera =
-                camera_controls::fit(&self.eye.camera, (min - radius, max + radius), aspect);
-            self.set_camera(camera);
-        }
-    }
-
-    pub(crate) fn home(&mut self) {
+    fn home(&mut self) {
         if let Some(document) = &self.opened.document {
-            let camera = document.project.camera_for(Default::default());
-            self.set_camera(camera);
+            self.stage.eye.set(document.project.camera_for(Default::default()));
         }
+    }
+
+    /// Adds a key at the current time, or for a still one second after the last key.
+    fn add_key(&mut self) {
+        let still = self.stage.playback.count() < 2;
+        let time = if still { self.stage.eye.after_keys() } else { self.seconds() };
+        self.stage.eye.add_key(time);
+        let keys = self.stage.eye.path.keys.len();
+        self.show_info(format!("key {keys} at {time:.2} s"));
     }
 }

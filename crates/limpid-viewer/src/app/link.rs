@@ -18,15 +18,15 @@ use std::fmt::Display;
 use std::str::FromStr;
 
 use glam::Vec3;
-use limpid::aov::Aov;
-use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::Missing;
 use limpid_io::project::controls;
 
-use crate::Viewer;
-use crate::model::demos;
+use crate::app::Viewer;
+use crate::app::state::Wishes;
+use crate::backend::web::demos;
+use crate::model::demos::DEMOS;
 use crate::model::document::Source;
 use crate::model::views::View;
 
@@ -34,16 +34,6 @@ use crate::model::views::View;
 pub(crate) struct Link {
     pub(crate) source: Source,
     pub(crate) wishes: Wishes,
-}
-
-/// What an address asks for besides a source, once that is open.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Wishes {
-    pub(crate) frame: Option<i64>,
-    pub(crate) play: bool,
-    pub(crate) camera: Option<Camera>,
-    pub(crate) view: Option<Aov>,
-    pub(crate) unrefined: bool,
 }
 
 /// Reads the parameters of an address. Unknown ones are the server's.
@@ -59,8 +49,8 @@ pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
         match name.as_str() {
             "scene" => source.input = value.to_owned(),
             "demo" => {
-                let known = demos::DEMOS.iter().find(|demo| demo.name == value);
-                let names: Vec<_> = demos::DEMOS.iter().map(|demo| demo.name).collect();
+                let known = DEMOS.iter().find(|demo| demo.name == value);
+                let names: Vec<_> = DEMOS.iter().map(|demo| demo.name).collect();
                 let problem = || fail(name, format!("expected one of {}", names.join(", ")));
                 source.input = known.ok_or_else(problem)?.source()?.input;
             }
@@ -124,14 +114,14 @@ pub(crate) fn query(viewer: &Viewer) -> Option<String> {
     if let Some(frames) = &source.frames {
         pairs.push(("frames", frames.to_string()));
     }
-    if let Some(at) = viewer.frame_time().filter(|_| viewer.playback.count() > 1) {
+    if let Some(at) = viewer.stage.frame_time().filter(|_| viewer.stage.playback.count() > 1) {
         pairs.push(("frame", at.frame.to_string()));
     }
-    if viewer.playback.playing {
+    if viewer.stage.playback.playing {
         pairs.push(("play", "1".into()));
     }
-    if viewer.eye.camera != document.project.camera_for(Default::default()) {
-        pairs.push(("camera", viewer.eye.camera.to_string()));
+    if viewer.stage.eye.camera != document.project.camera_for(Default::default()) {
+        pairs.push(("camera", viewer.stage.eye.camera.to_string()));
     }
     if let View::Image(aov, _) = viewer.picture.view {
         pairs.push(("view", aov.to_string()));
@@ -150,7 +140,7 @@ pub(crate) fn query(viewer: &Viewer) -> Option<String> {
     pairs.extend(source.adjustments.arguments());
     pairs.extend(source.adjustments.fps.map(|fps| ("fps", fps.to_string())));
     pairs.extend(source.overrides.iter().map(|set| ("set", set.clone())));
-    let (plain, edited) = (&document.project.scene, &viewer.editing.scenes[viewer.editing.edited]);
+    let (plain, edited) = (&document.project.scene, viewer.stage.editing.scene());
     for (control, value) in controls::differences(&plain.settings, &edited.settings) {
         pairs.push(("set", format!("{}={value}", control.path())));
     }

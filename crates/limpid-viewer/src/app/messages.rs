@@ -1,27 +1,23 @@
-//! The handling of messages from threads, or from the worker of a page.
+//! The handling of messages from the backend.
 
 use std::path::PathBuf;
 
 use serde_json::json;
-use web_time::Instant;
 
-use crate::backend::core::drawing::Answer;
+use crate::app::Viewer;
+use crate::backend::core::drawing::{Answer, Drawn};
 use crate::backend::core::messages::Message;
 use crate::model::level::Level;
-use crate::{Notice, Viewer};
 use limpid_io::error::{Error, Result};
-
-/// Most notices that are kept.
-const MOST_NOTICES: usize = 50;
 
 impl Viewer {
     pub(crate) fn handle_messages(&mut self) {
-        while let Ok(message) = self.jobs.messages.try_recv() {
+        while let Ok(message) = self.messages.try_recv() {
             match message {
                 Message::Opened(number, document) => self.handle_opened(number, *document),
                 Message::Baked(number, progress) => self.take_progress(number, progress),
                 Message::NotBaked(number, error) => {
-                    if let Some(opening) = self.opening_mut(number) {
+                    if let Some(opening) = self.opened.opening_mut(number) {
                         opening.progress = None;
                         self.fail(&error);
                     }
@@ -30,28 +26,20 @@ impl Viewer {
                 Message::Drawing(answer) => self.handle_answer(answer),
                 // Each frame queries the cache anyway.
                 Message::Loaded => {}
-                #[cfg(not(target_arch = "wasm32"))]
                 Message::Chosen(path, waited) => self.chosen(path, waited),
-                #[cfg(not(target_arch = "wasm32"))]
                 Message::Traced(number, truth) => self.take_truth(number, *truth),
                 Message::Saved(saved) => self.take_saved(saved),
-                #[cfg(not(target_arch = "wasm32"))]
                 Message::Filmed(done) => {
-                    if let Some(filming) = &mut self.jobs.filming {
+                    if let Some(filming) = &mut self.filming {
                         filming.done = done;
                     }
                 }
-                #[cfg(not(target_arch = "wasm32"))]
                 Message::FilmEnded(written) => self.film_ended(written),
-                #[cfg(target_arch = "wasm32")]
                 Message::Said(text) => self.show_info(text),
-                #[cfg(target_arch = "wasm32")]
-                Message::Crashed(reason) => self.restart_worker(reason),
-                #[cfg(not(target_arch = "wasm32"))]
                 Message::Path(path, loaded) => match loaded {
                     Ok(keys) => {
                         self.show_info(format!("{} keys from {}", keys.keys.len(), path.display()));
-                        self.eye.path = keys;
+                        self.stage.eye.path = keys;
                     }
                     Err(error) => self.fail(&error),
                 },
@@ -62,12 +50,12 @@ impl Viewer {
     fn handle_answer(&mut self, answer: Answer) {
         match answer {
             Answer::Adapter(name) => {
-                self.jobs.log.event("adapter", json!({ "name": name }));
-                self.jobs.adapter = Some(name);
+                self.log.event("adapter", json!({ "name": name }));
+                self.interface.adapter = Some(name);
                 self.picture.fresh_device = true;
             }
             Answer::Lost(reason) => self.handle_lost_device(&reason),
-            Answer::Drawn(drawn) => self.show(drawn),
+            Answer::Drawn(drawn) => self.take_drawn(drawn),
             Answer::NotDrawn(number, error) => {
                 self.picture.answered = self.picture.answered.max(number);
                 // Until something changes, do not retry this picture, nor play on to frames that would
@@ -75,27 +63,45 @@ impl Viewer {
                 if number == self.picture.asked {
                     self.picture.asked_level = Level::Fine;
                     self.picture.undrawn = true;
-                    self.playback.playing = false;
+                    self.stage.playback.playing = false;
                 }
                 self.fail(&error);
             }
             Answer::Saved(saved) => self.take_saved(saved),
-            #[cfg(not(target_arch = "wasm32"))]
             Answer::Measured(measured) => self.take_measure(measured),
+        }
+    }
+
+    fn take_drawn(&mut self, drawn: Drawn) {
+        if let Some(first) = drawn.panes.first()
+            && drawn.panes.len() == self.stage.editing.visible().len()
+        {
+            self.times.push(&first.passes);
+        }
+        let ctx = self.post.context();
+        self.picture.take(drawn, &self.stage, ctx.as_ref(), &mut self.log);
+    }
+
+    /// Handles the end of a film: its path, or nothing if it was stopped.
+    fn film_ended(&mut self, written: Result<Option<PathBuf>>) {
+        self.filming = None;
+        match written.transpose() {
+            Some(saved) => self.take_saved(saved),
+            None => self.show_info("the film was stopped and removed".into()),
         }
     }
 
     /// Reports a lost device; another one takes over.
     pub(crate) fn handle_lost_device(&mut self, reason: &str) {
-        self.jobs.log.event("lost", json!({ "reason": reason }));
+        self.log.event("lost", json!({ "reason": reason }));
         let text = format!("the graphics device failed ({reason}); another one takes over");
-        self.notice(text, true);
+        self.interface.notices.add(text, true);
     }
 
     pub(crate) fn take_saved(&mut self, saved: Result<PathBuf>) {
         match saved {
             Ok(path) => {
-                self.jobs.log.event("saved", json!({ "path": path }));
+                self.log.event("saved", json!({ "path": path }));
                 self.show_info(format!("saved {}", path.display()));
             }
             Err(error) => self.fail(&error),
@@ -104,24 +110,12 @@ impl Viewer {
 
     pub(crate) fn fail(&mut self, error: &Error) {
         let text = error.to_string();
-        self.jobs.log.event("notice", json!({ "text": text }));
-        self.notice(text, true);
+        self.log.event("notice", json!({ "text": text }));
+        self.interface.notices.add(text, true);
     }
 
     pub(crate) fn show_info(&mut self, text: String) {
-        self.jobs.log.event("said", json!({ "text": text }));
-        self.notice(text, false);
-    }
-
-    fn notice(&mut self, text: String, error: bool) {
-        let notice = Notice { text, error, since: Instant::now() };
-        match self.interface.notices.last_mut() {
-            // Show repeated notices once.
-            Some(last) if last.text == notice.text => *last = notice,
-            _ => self.interface.notices.push(notice),
-        }
-        if self.interface.notices.len() > MOST_NOTICES {
-            self.interface.notices.remove(0);
-        }
+        self.log.event("said", json!({ "text": text }));
+        self.interface.notices.add(text, false);
     }
 }

@@ -1,53 +1,25 @@
-//! Simulated scenes: a thread simulates missing frames while finished ones play.
+//! Opening sources, and what follows: documents that grow, and the frames of the one that is open.
 
-#[cfg(not(target_arch = "wasm32"))]
-use std::ops::ControlFlow;
-#[cfg(not(target_arch = "wasm32"))]
-use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use crate::Viewer;
-#[cfg(not(target_arch = "wasm32"))]
-use crate::backend::core::messages::Message;
-#[cfg(not(target_arch = "wasm32"))]
-use crate::backend::core::opening::simulated;
+use serde_json::json;
+
+use crate::app::Viewer;
+use crate::app::state::Opening;
+use crate::backend::here::{drop_in_background, spawn};
 use crate::model::document::{Document, Source};
+use crate::model::platform::IN_BROWSER;
+use crate::model::playback::{Playback, Speed};
+use crate::model::views::View;
+use crate::panels::times::History;
 use limpid::look::Framing;
-#[cfg(not(target_arch = "wasm32"))]
-use limpid::scene::Solid;
-#[cfg(not(target_arch = "wasm32"))]
-use limpid_io::bake;
+use limpid::scene::Scene;
 use limpid_io::bake::Progress;
+use limpid_io::camera_path::CameraPath;
 use limpid_io::error::Result;
-#[cfg(not(target_arch = "wasm32"))]
-use limpid_sim::sim::Simulation;
-
-/// A source that is open or being opened; dropping this stops its bake after the current frame.
-#[derive(Debug)]
-pub(crate) struct Opening {
-    pub(crate) number: u64,
-    pub(crate) source: Source,
-    /// Whether it takes the place of the same source with other adjustments.
-    pub(crate) replaces: bool,
-    /// Whether it is still to be read.
-    pub(crate) pending: bool,
-    /// Whether it has been read and is the open document.
-    opened: bool,
-    /// Progress of its bake; `None` if none is needed or it has ended.
-    pub(crate) progress: Option<Progress>,
-    /// Whether the folder is being searched for new frames.
-    pub(crate) growing: bool,
-    /// Whether more frames have been baked since that search began.
-    again: bool,
-    stop: Arc<AtomicBool>,
-}
-
-impl Drop for Opening {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-    }
-}
+use limpid_io::input::Loaded;
+use limpid_io::project::controls;
 
 impl Viewer {
     /// Opens a source in place of the current one, once it has been read. Until then, and if reading
@@ -71,10 +43,7 @@ impl Viewer {
         }
         self.opened.openings += 1;
         // They were for another source.
-        #[cfg(target_arch = "wasm32")]
-        {
-            self.wishes = Default::default();
-        }
+        self.opened.wishes = Default::default();
         let number = self.opened.openings;
         // Two bakes of one scene would write the same files.
         let kept = |old: &Opening| old.opened && old.source.input != source.input;
@@ -82,8 +51,8 @@ impl Viewer {
             self.opened.before = Some(old);
         }
         self.opened.before = self.opened.before.take().filter(kept);
-        let stop = Arc::new(AtomicBool::new(false));
-        let (post, requested, stopped) = (self.jobs.post.clone(), source.clone(), stop.clone());
+        let stop = Arc::<AtomicBool>::default();
+        self.backend.open(number, &source, again, stop.clone());
         self.opened.opening = Some(Opening {
             number,
             source,
@@ -94,40 +63,6 @@ impl Viewer {
             growing: false,
             again: false,
             stop,
-        });
-        #[cfg(target_arch = "wasm32")]
-        {
-            drop(post);
-            self.jobs.drawing.open(number, &requested, again, stopped);
-        }
-        #[cfg(not(target_arch = "wasm32"))]
-        std::thread::spawn(move || {
-            let report = |document| post.send(Message::Opened(number, Box::new(document)));
-            let Some(project) = simulated(&requested) else {
-                return report(Document::open(&requested));
-            };
-            let Some(simulation) = project.source.simulation() else { return };
-            let mut open = Document::open(&requested).map(|document| report(Ok(document))).is_ok();
-            let baked = bake(simulation, &project.scene.solids, &requested, |progress| {
-                if !open {
-                    // The requested frames may be the last to be baked.
-                    let document = Document::open(&requested);
-                    if document.is_ok() || progress.done == progress.frames {
-                        open = true;
-                        report(document);
-                    }
-                }
-                post.send(Message::Baked(number, progress));
-                match stopped.load(Ordering::Relaxed) {
-                    true => ControlFlow::Break(()),
-                    false => ControlFlow::Continue(()),
-                }
-            });
-            match baked {
-                Err(error) if open => post.send(Message::NotBaked(number, error)),
-                Err(error) => report(Err(error)),
-                Ok(()) => {}
-            }
         });
     }
 
@@ -154,17 +89,11 @@ impl Viewer {
         }
     }
 
-    /// The opening with this number, unless it has been dropped.
-    pub(crate) fn opening_mut(&mut self, number: u64) -> Option<&mut Opening> {
-        let all = [&mut self.opened.opening, &mut self.opened.before];
-        all.into_iter().flatten().find(|opening| opening.number == number)
-    }
-
     /// Handles the progress of a bake.
     pub(crate) fn take_progress(&mut self, number: u64, progress: Progress) {
         let known =
             self.opened.document.as_ref().map_or(0, |open| open.input.sequence.frames.len());
-        let Some(opening) = self.opening_mut(number) else {
+        let Some(opening) = self.opened.opening_mut(number) else {
             return;
         };
         let ended = progress.done == progress.frames;
@@ -182,36 +111,27 @@ impl Viewer {
         }
     }
 
-    /// Searches for new frames on a thread.
+    /// Searches for new frames.
     fn grow(&mut self, number: u64) {
-        let Some(opening) = self.opening_mut(number) else { return };
+        let Some(opening) = self.opened.opening_mut(number) else { return };
         (opening.growing, opening.again) = (true, false);
-        #[cfg(target_arch = "wasm32")]
-        self.jobs.drawing.grow(number);
-        #[cfg(not(target_arch = "wasm32"))]
-        {
-            let (source, post) = (opening.source.clone(), self.jobs.post.clone());
-            std::thread::spawn(move || {
-                post.send(Message::Grown(number, Box::new(Document::open(&source))));
-            });
-        }
+        self.backend.grow(number, &opening.source);
     }
 
     /// Replaces the document by one with more frames; all other state stays.
     pub(crate) fn handle_grown(&mut self, number: u64, document: Result<Document>) {
-        let Some(opening) = self.opening_mut(number) else {
+        let Some(opening) = self.opened.opening_mut(number) else {
             return;
         };
         opening.growing = false;
         let again = opening.again;
         match document {
             Ok(document) if opening.opened => {
-                self.opened.frame_times = document.frame_times(self.playback.speed()).into();
-                self.playback.set_count(self.opened.frame_times.len());
+                self.stage.frame_times = document.frame_times(self.stage.playback.speed()).into();
+                self.stage.playback.set_count(self.stage.frame_times.len());
                 let frames = document.numbers.len();
                 self.opened.document = Some(Arc::new(document));
-                self.jobs.log.event("grown", serde_json::json!({ "frames": frames }));
-                #[cfg(target_arch = "wasm32")]
+                self.log.event("grown", serde_json::json!({ "frames": frames }));
                 self.grant_frame();
             }
             Ok(document) => {
@@ -224,16 +144,183 @@ impl Viewer {
             self.grow(number);
         }
     }
+    pub(crate) fn opened(&mut self, document: Document) {
+        // Simulations start playing.
+        let plays = document.project.source.simulation().is_some();
+        let frames = document.numbers.len();
+        self.log.event(
+            "opened",
+            json!({ "input": document.source.input, "frames": frames, "plays": plays }),
+        );
+        if let Some(write) = self.interface.recent.add(&document.source.input) {
+            // Without the list the viewer is as good.
+            spawn(move || drop(write()));
+        }
+        let document = Arc::new(document);
+        self.opened.frames.clear();
+        self.opened.failed.clear();
+        self.stage.frame_times = document.frame_times(Speed::Real).into();
+        let looped = self.stage.playback.looped;
+        self.stage.playback = Playback::new(self.stage.frame_times.len(), document.fps());
+        self.stage.playback.looped = looped;
+        if let Some(named) = document.input.frame
+            && let Some(at) =
+                self.stage.frame_times.iter().position(|frame_time| frame_time.frame == named)
+        {
+            self.stage.playback.seek(at);
+        }
+        self.stage.editing.scenes =
+            [document.project.scene.clone(), document.project.scene.clone()];
+        self.stage.processor = document.project.processor;
+        self.stage.editing.edited = 0;
+        for side in std::mem::take(&mut self.picture.sides) {
+            drop_in_background(side.loaded);
+        }
+        self.stage.eye.camera = document.project.camera_for(Default::default());
+        self.stage.eye.path = CameraPath::default();
+        self.stage.eye.follow = false;
+        self.picture.subject = None;
+        self.picture.flipping.clear();
+        self.times = History::default();
+        self.errors.clear();
+        self.stage.playback.playing = plays;
+        self.opened.document = Some(document);
+        self.grant_wishes();
+    }
+
+    /// Takes the place of the open document by one with other adjustments: settings, camera and playback stay.
+    pub(crate) fn reopened(&mut self, document: Document) {
+        let Some(old) = self.opened.document.clone() else { return self.opened(document) };
+        let was_home = self.stage.eye.camera == old.project.camera_for(Default::default());
+        let particles = |source: &Source| (source.adjustments.up, source.adjustments.scale);
+        let moved = particles(&old.source) != particles(&document.source);
+        for edited in &mut self.stage.editing.scenes {
+            *edited = carried(edited, &old.project.scene, &document.project.scene);
+        }
+        if was_home || moved {
+            self.stage.eye.camera = document.project.camera_for(Default::default());
+        }
+        self.opened.frames.clear();
+        self.opened.failed.clear();
+        for side in &mut self.picture.sides {
+            side.at = None;
+        }
+        self.stage.playback.fps = document.fps();
+        self.stage.frame_times = document.frame_times(self.stage.playback.speed()).into();
+        self.stage.playback.set_count(self.stage.frame_times.len());
+        self.errors.forget();
+        self.log.event("reopened", serde_json::json!({ "input": document.source.input }));
+        self.opened.document = Some(Arc::new(document));
+        self.grant_frame();
+    }
+
+    /// Does what is asked for besides, now that the source is open.
+    fn grant_wishes(&mut self) {
+        let wishes = std::mem::take(&mut self.opened.wishes);
+        if let Some(camera) = wishes.camera {
+            self.stage.eye.set(camera);
+        }
+        self.opened.wishes.frame = wishes.frame;
+        self.grant_frame();
+        if let Some(aov) = wishes.view {
+            self.picture.set_view(View::Image(aov, 0), &mut self.log);
+        }
+        self.stage.playback.playing |= wishes.play;
+        self.picture.refine &= !wishes.unrefined;
+    }
+
+    /// Goes to the frame that is asked for, if it is there: a simulation makes it later.
+    fn grant_frame(&mut self) {
+        if let Some(frame) = self.opened.wishes.frame
+            && let Some(index) = self.stage.frame_times.iter().position(|at| at.frame == frame)
+        {
+            self.stage.playback.seek(index);
+            self.opened.wishes.frame = None;
+        }
+    }
+
+    /// Takes the current frame time from the caches, and updates their playback position.
+    pub(super) fn load(&mut self) {
+        let Some(document) = self.opened.document.clone() else { return };
+        let processor = self.stage.processor;
+        self.backend.prepare_device(processor);
+        let visible = self.stage.editing.visible();
+        let scenes: Vec<&Scene> = visible.iter().map(|&i| &self.stage.editing.scenes[i]).collect();
+        let index = self.stage.playback.index();
+        let dragging =
+            self.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
+        let step = self.stage.playback.speed().step();
+        self.opened.frames.prepare(
+            &self.backend,
+            &document,
+            &self.stage.frame_times,
+            (step, processor),
+            &scenes,
+            (index, dragging),
+        );
+        // Frames whose pictures are kept need no particles while they play.
+        let wanted = if self.stage.playback.playing {
+            self.picture.first_missing(&self.stage)
+        } else {
+            Some(index)
+        };
+        if let Some(wanted) = wanted {
+            self.opened.frames.aim(wanted, self.stage.playback.step(), self.stage.playback.looped);
+        }
+        let mut first = None;
+        for side in visible {
+            match self.opened.frames.get((&self.stage.editing.scenes[side], processor), index) {
+                Some((Ok(loaded), fits)) => {
+                    if self.picture.sides.iter().all(|side| side.loaded.is_none()) {
+                        first = Some((loaded.clone(), side));
+                    }
+                    let side = &mut self.picture.sides[side];
+                    (side.at, side.fits) = (Some(index), fits);
+                    let old = side.loaded.replace(loaded);
+                    if let Some(last) = old.filter(|old| Arc::strong_count(old) == 1) {
+                        drop_in_background(last);
+                    }
+                }
+                Some((Err(error), _)) => {
+                    let side = &mut self.picture.sides[side];
+                    (side.at, side.fits) = (Some(index), false);
+                    // Report the error once; playback continues.
+                    if self.opened.failed.insert(index) {
+                        self.fail(&error);
+                    }
+                }
+                None => self.picture.sides[side].at = None,
+            }
+        }
+        // In a browser the worker tells them, which has the particles.
+        if !IN_BROWSER && let Some((loaded, side)) = first {
+            self.show_notices(&loaded, side);
+        }
+    }
+
+    /// Shows the notices on the first frame of the document.
+    fn show_notices(&mut self, loaded: &Loaded, side: usize) {
+        let Some(document) = &self.opened.document else { return };
+        for notice in document.notices(loaded, &self.stage.editing.scenes[side]) {
+            self.show_info(notice.to_string());
+        }
+    }
 }
 
-#[cfg(not(target_arch = "wasm32"))]
-fn bake(
-    simulation: &Simulation,
-    solids: &[Solid],
-    source: &Source,
-    progress: impl FnMut(Progress) -> ControlFlow<()>,
-) -> Result<()> {
-    let path = Path::new(&source.input);
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    bake::bake(simulation, solids, &name, &bake::folder(path), progress)
+/// The scene `after`, with all that was edited since `before`.
+fn carried(edited: &Scene, before: &Scene, after: &Scene) -> Scene {
+    let mut scene = after.clone();
+    for (control, value) in controls::differences(&before.settings, &edited.settings) {
+        control.set(&mut scene.settings, &value);
+    }
+    if edited.liquid.ior != before.liquid.ior {
+        scene.liquid.ior = edited.liquid.ior;
+    }
+    if edited.liquid.absorption != before.liquid.absorption {
+        scene.liquid.absorption = edited.liquid.absorption;
+    }
+    if edited.fluids != before.fluids {
+        scene.fluids.clone_from(&edited.fluids);
+    }
+    scene
 }

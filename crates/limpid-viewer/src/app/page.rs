@@ -1,7 +1,7 @@
-//! The viewer of a page, as JavaScript calls it.
+//! The viewer of a page, as JavaScript calls it, and what only pages can do.
 
 use std::cell::{Cell, RefCell};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::mpsc;
 
@@ -10,115 +10,89 @@ use glam::UVec2;
 use limpid::camera::Camera;
 use limpid_io::error::Error;
 use limpid_io::project::Project;
-use serde_json::json;
 use wasm_bindgen::JsValue;
 use web_sys::File;
 
 use crate::app::link;
-use crate::app::log::Log;
-use crate::app::state::Jobs;
+use crate::app::saving::NO_FILMS;
+use crate::app::{Options, Viewer};
 use crate::backend::core::messages::Post;
-use crate::backend::frames::Frames;
-use crate::backend::web::{Ask, Edits, Worker};
-use crate::model::demos;
+use crate::backend::web::{Ask, Backend, Crash, Edits, demos};
 use crate::model::document::{Source, opened_of};
-use crate::model::views::View;
-use crate::{Options, Viewer};
+use crate::model::log::Log;
+use crate::panels::dialogs::{Browse, Dialog};
 
 impl Viewer {
-    /// Has the page show the browser's dialog for files, or for a folder.
-    pub(crate) fn pick(&mut self, folder: bool) {
-        // It fails for a page that has gone.
-        let _ = self.jobs.drawing.call("pick", &[folder.into()]);
-    }
-
-    /// Offers the edited scene with the current camera to the user.
-    pub fn save_scene(&mut self, path: PathBuf) {
-        let Some(at) = self.frame_time() else { return };
-        let Some(document) = self.opened.document.as_ref().map(|document| document.id) else {
-            return;
-        };
-        if !self.jobs.drawing.is_running() {
-            return self
-                .fail(&Error::Usage("open the document again, its worker has ended".into()));
-        }
-        let (edits, camera) = (Edits::of(&self.fine_scene()), self.eye.camera);
-        let (processor, name) = (self.opened.frames.processor, path.to_string_lossy().into_owned());
-        self.jobs.drawing.ask(&Ask::SaveScene { document, edits, camera, at, processor, name });
-    }
-
-    /// Offers the camera path to the user.
-    pub(crate) fn download_path(&mut self, path: &Path) {
-        let saved = self.eye.path.to_toml().map(|text| {
-            self.jobs.drawing.download(&path.to_string_lossy(), text.as_bytes().into());
-            path.to_owned()
-        });
-        self.take_saved(saved);
-    }
-
-    /// Does what the address asks for, now that its source is open.
-    pub(crate) fn grant_wishes(&mut self) {
-        let wishes = std::mem::take(&mut self.wishes);
-        if let Some(camera) = wishes.camera {
-            self.set_camera(camera);
-        }
-        self.wishes.frame = wishes.frame;
-        self.grant_frame();
-        if let Some(aov) = wishes.view {
-            self.set_view(View::Image(aov, 0));
-        }
-        self.playback.playing |= wishes.play;
-        self.picture.refine &= !wishes.unrefined;
-    }
-
-    /// Goes to the frame that the address asks for, if it is there: a simulation makes it later.
-    pub(crate) fn grant_frame(&mut self) {
-        if let Some(frame) = self.wishes.frame
-            && let Some(index) = self.opened.frame_times.iter().position(|at| at.frame == frame)
-        {
-            self.playback.seek(index);
-            self.wishes.frame = None;
-        }
-    }
-
     /// Opens a URL that was typed.
-    pub(crate) fn open_url(&mut self, url: &str) {
-        let url = self.jobs.drawing.absolute(url);
+    pub(super) fn open_typed(&mut self, url: &str) {
+        let url = self.backend.absolute(url);
         self.open(Source::new(url));
     }
 
-    /// Has the interface show what has changed from outside.
-    fn wake(&self) {
-        if let Some(ctx) = self.jobs.post.context() {
-            ctx.request_repaint();
-        }
+    /// Has the page show the browser's dialog for files, or for a folder, in place of ours.
+    pub(super) fn browse(&mut self, _dialog: Dialog, how: Browse) {
+        // It fails for a page that has gone.
+        let _ = self.backend.call("pick", &[(how == Browse::Folder).into()]);
     }
 
     /// Copies a link that opens this picture.
-    pub(crate) fn copy_link(&mut self, ctx: &egui::Context) {
+    pub(super) fn copy(&mut self, ctx: &egui::Context) {
         let Some(query) = link::query(self) else {
             self.show_info("only files on a server can be linked to, these are yours alone".into());
             return;
         };
-        let link = self.jobs.drawing.call("link", &[query.as_str().into()]);
+        let link = self.backend.call("link", &[query.as_str().into()]);
         if let Some(link) = link.ok().and_then(|link| link.as_string()) {
             ctx.copy_text(link.clone());
             self.show_info(format!("copied: {link}"));
         }
     }
 
+    /// Offers the edited scene with the current camera to the user.
+    pub fn save_scene(&mut self, path: PathBuf) {
+        let Some(at) = self.stage.frame_time() else { return };
+        let Some(document) = self.opened.document.as_ref().map(|document| document.id) else {
+            return;
+        };
+        if !self.backend.is_running() {
+            return self
+                .fail(&Error::Usage("open the document again, its worker has ended".into()));
+        }
+        let edits = Edits::of(&self.picture.fine_scene(&self.stage.editing));
+        let (camera, processor) = (self.stage.eye.camera, self.stage.processor);
+        let name = path.to_string_lossy().into_owned();
+        self.backend.ask(&Ask::SaveScene { document, edits, camera, at, processor, name });
+    }
+
+    /// Offers the camera path to the user.
+    pub(super) fn save_path(&mut self, path: PathBuf) {
+        let saved = self.stage.eye.path.to_toml().map(|text| {
+            self.backend.download(&path.to_string_lossy(), text.as_bytes().into());
+            path
+        });
+        self.take_saved(saved);
+    }
+
+    /// Nothing: a page is given scenes and particles alone.
+    pub(super) fn load_path(&self, _path: PathBuf) {}
+
+    /// Says why no film is saved.
+    pub fn save_film(&mut self, _path: PathBuf, _size: UVec2, _samples: u32) {
+        self.show_info(NO_FILMS.into());
+    }
+
     /// Starts another worker after the last one has ended, and opens the document again. Without a reason its memory has
     /// run out.
     pub(crate) fn restart_worker(&mut self, reason: Option<String>) {
-        let worker = self.jobs.drawing.clone();
+        let worker = self.backend.clone();
         let busy = worker.end();
-        let at = self.frame_time();
+        let at = self.stage.frame_time();
         // Whatever was asked is not answered any more.
         self.opened.frames.clear();
         self.picture.answered = self.picture.asked;
         self.picture.subject = None;
         // The next worker has none of these frames.
-        for side in &mut self.editing.sides {
+        for side in &mut self.picture.sides {
             (side.loaded, side.at) = (None, None);
         }
         self.opened.before = None;
@@ -145,7 +119,7 @@ impl Viewer {
             }
             (_, Some(before)) => {
                 self.reopen(before);
-                self.wishes.frame = at.map(|at| at.frame);
+                self.opened.wishes.frame = at.map(|at| at.frame);
             }
             _ => {}
         }
@@ -168,7 +142,7 @@ pub struct PageOptions {
 #[derive(Clone)]
 pub struct Page {
     viewer: Rc<RefCell<Viewer>>,
-    worker: Worker,
+    worker: Backend,
     /// Number of drops and choices of files so far.
     drops: Rc<Cell<u32>>,
 }
@@ -179,7 +153,7 @@ impl Page {
     pub fn new(options: PageOptions) -> Self {
         let (sender, messages) = mpsc::channel();
         let post = Post::new(sender);
-        let worker = Worker::new(options.host, post.clone());
+        let worker = Backend::new(options.host, post.clone());
         let opened = link::parse(&options.query);
         let source = match &opened {
             Ok(link) => worker.absolute_source(link.source.clone()),
@@ -191,12 +165,10 @@ impl Page {
             flipbook: 256 << 20,
             ..Options::default()
         };
-        let frames = Frames::new(viewer_options.memory, worker.clone());
         let log = Log::new(None).expect("without a file nothing can fail");
-        let jobs = Jobs { post, messages, log, drawing: worker.clone(), adapter: None };
-        let mut viewer = Viewer::of(viewer_options, jobs, frames);
+        let mut viewer = Viewer::of(viewer_options, worker.clone(), (post, messages), log);
         match opened {
-            Ok(link) => viewer.wishes = link.wishes,
+            Ok(link) => viewer.opened.wishes = link.wishes,
             Err(error) => viewer.fail(&error),
         }
         // A narrow screen is all picture.
@@ -235,7 +207,7 @@ impl Page {
             None => {
                 let mut viewer = self.viewer.borrow_mut();
                 viewer.fail(&Error::Usage("no files could be read in what was given".into()));
-                viewer.wake();
+                viewer.post.wake();
             }
         }
     }
@@ -249,7 +221,7 @@ impl Page {
         let mut viewer = self.viewer.borrow_mut();
         viewer.interface.dialog = None;
         viewer.open(Source::new(input));
-        viewer.wake();
+        viewer.post.wake();
     }
 
     /// Opens what the parameters of an address name.
@@ -260,8 +232,8 @@ impl Page {
         let link = link::parse(query)?;
         let mut viewer = self.viewer.borrow_mut();
         viewer.open(self.worker.absolute_source(link.source));
-        viewer.wishes = link.wishes;
-        viewer.wake();
+        viewer.opened.wishes = link.wishes;
+        viewer.post.wake();
         Ok(())
     }
 
@@ -271,14 +243,14 @@ impl Page {
     /// As [`Project::set`].
     pub fn set(&self, overrides: &[String]) -> Result<(), Error> {
         let mut viewer = self.viewer.borrow_mut();
-        let edited = viewer.editing.edited;
-        let scene = viewer.editing.scenes[edited].clone();
-        let processor = viewer.opened.frames.processor;
+        let edited = viewer.stage.editing.edited;
+        let scene = viewer.stage.editing.scenes[edited].clone();
+        let processor = viewer.stage.processor;
         let mut project = Project { scene, processor, ..Project::default() };
         project.set(overrides)?;
-        viewer.editing.scenes[edited] = project.scene;
-        viewer.opened.frames.processor = project.processor;
-        viewer.wake();
+        viewer.stage.editing.scenes[edited] = project.scene;
+        viewer.stage.processor = project.processor;
+        viewer.post.wake();
         Ok(())
     }
 
@@ -289,30 +261,30 @@ impl Page {
     pub fn set_camera(&self, camera: &str) -> Result<(), Error> {
         let camera: Camera = camera.parse()?;
         let mut viewer = self.viewer.borrow_mut();
-        viewer.set_camera(camera);
-        viewer.wake();
+        viewer.stage.eye.set(camera);
+        viewer.post.wake();
         Ok(())
     }
 
     /// Plays or pauses.
     pub fn play(&self, playing: bool) {
         let mut viewer = self.viewer.borrow_mut();
-        viewer.playback.playing = playing;
-        viewer.wake();
+        viewer.stage.playback.playing = playing;
+        viewer.post.wake();
     }
 
     /// Goes to the frame of an index, from 0.
     pub fn seek(&self, index: usize) {
         let mut viewer = self.viewer.borrow_mut();
         viewer.seek(index);
-        viewer.wake();
+        viewer.post.wake();
     }
 
     /// Draws the picture at rest at another size, and saves it under a name.
     pub fn save(&self, name: &str, size: UVec2, samples: u32) {
         let mut viewer = self.viewer.borrow_mut();
         viewer.save_picture(name.into(), size, samples);
-        viewer.wake();
+        viewer.post.wake();
     }
 
     /// The parameters of an address that opens this picture; `None` for files of the user.
@@ -323,38 +295,12 @@ impl Page {
     /// Loses the worker's device, for tests: another one takes over.
     pub fn lose_device(&self) {
         self.worker.ask(&Ask::Lose);
-        self.viewer.borrow().wake();
+        self.viewer.borrow().post.wake();
     }
 
-    /// What the page shows, as JSON.
+    /// What the page shows, as JSON: see [`Viewer::status`].
     pub fn status(&self) -> String {
-        let viewer = self.viewer.borrow();
-        let side = &viewer.editing.sides[viewer.editing.edited];
-        let shown = side.picture.shown.as_ref();
-        let opening = viewer.opened.opening.as_ref().filter(|opening| opening.pending);
-        let status = json!({
-            "adapter": viewer.jobs.adapter,
-            "opening": opening.map(|opening| &opening.source.input),
-            "open": viewer.opened.document.as_ref().map(|document| &document.source.input),
-            "frame": viewer.frame_time().map(|at| at.frame),
-            "index": viewer.playback.index(),
-            "frames": viewer.playback.count(),
-            "playing": viewer.playback.playing,
-            "particles": side.loaded.as_ref().map(|loaded| loaded.particles),
-            "atRest": viewer.is_at_rest(),
-            "pictures": viewer.picture.answered,
-            "size": viewer.picture.viewport_size.to_array(),
-            "shown": shown.map(|facts| json!({
-                "size": facts.size.to_array(), "samples": facts.samples, "ms": facts.ms,
-            })),
-            "passes": viewer.times.last().map(|(name, ms)| json!([name, ms])).collect::<Vec<_>>(),
-            "eye": viewer.eye.camera.eye.to_array(),
-            "view": viewer.picture.view.label(),
-            "notices": viewer.notices().iter().map(|notice| {
-                json!({ "text": notice.text, "error": notice.error })
-            }).collect::<Vec<_>>(),
-        });
-        status.to_string()
+        self.viewer.borrow().status().to_string()
     }
 }
 
@@ -365,6 +311,12 @@ struct App {
 
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
-        self.viewer.borrow_mut().ui(ui);
+        let mut viewer = self.viewer.borrow_mut();
+        viewer.handle_messages();
+        if let Some(Crash(reason)) = viewer.backend.take_crash() {
+            viewer.restart_worker(reason);
+        }
+        viewer.ui(ui);
+        viewer.backend.tell_dropped();
     }
 }

@@ -1,61 +1,21 @@
 //! The viewer's state, grouped by the component that changes it.
 
 use std::collections::BTreeSet;
-use std::sync::{Arc, mpsc};
-#[cfg(not(target_arch = "wasm32"))]
-use std::thread::JoinHandle;
-use web_time::Instant;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use eframe::egui;
-use glam::UVec2;
+use limpid::aov::Aov;
 use limpid::camera::Camera;
-use limpid::scene::Scene;
-use limpid_io::camera_path::CameraPath;
-use limpid_io::input::FrameTime;
-#[cfg(not(target_arch = "wasm32"))]
-use limpid_io::shared_classifier::SharedClassifier;
+use limpid_io::bake::Progress;
+use web_time::Instant;
 
-#[cfg(not(target_arch = "wasm32"))]
-use crate::app::filming::Filming;
-use crate::app::log::Log;
-use crate::app::opening::Opening;
 use crate::app::recent::Recent;
-use crate::backend::core::messages::{Message, Post};
 use crate::backend::frames::Frames;
-#[cfg(not(target_arch = "wasm32"))]
-use crate::backend::native::draw_thread::DrawThread;
-use crate::model::document::Document;
-use crate::model::level::Level;
-use crate::model::views::View;
+use crate::model::document::{Document, Source};
+use crate::model::notices::Notices;
 use crate::panels::dialogs::Dialog;
-use crate::picture::adaptive_resolution::AdaptiveResolution;
-use crate::picture::refine::{Side, Subject};
-use crate::{Compare, Notice, Tab};
-
-/// Threads, and the messages from them. Any part of the interface starts jobs; messages end them.
-pub(crate) struct Jobs {
-    pub(crate) post: Post,
-    pub(crate) messages: mpsc::Receiver<Message>,
-    pub(crate) log: Log,
-    #[cfg(not(target_arch = "wasm32"))]
-    pub(crate) drawing: DrawThread,
-    /// In a browser a worker does all that threads do elsewhere.
-    #[cfg(target_arch = "wasm32")]
-    pub(crate) drawing: crate::backend::web::Worker,
-    /// The classifier of the particles.
-    #[cfg(not(target_arch = "wasm32"))]
-    pub(crate) classifier: SharedClassifier,
-    /// Whether the draw thread has been asked to open a device for them.
-    #[cfg(not(target_arch = "wasm32"))]
-    pub(crate) device_asked: bool,
-    /// The film that is being written.
-    #[cfg(not(target_arch = "wasm32"))]
-    pub(crate) filming: Option<Filming>,
-    /// Threads that write files.
-    #[cfg(not(target_arch = "wasm32"))]
-    pub(crate) writers: Vec<JoinHandle<()>>,
-    pub(crate) adapter: Option<String>,
-}
+use crate::panels::side::Tab;
 
 /// The open document and its frames. Opening and growing simulations change it.
 pub(crate) struct OpenDocument {
@@ -65,55 +25,89 @@ pub(crate) struct OpenDocument {
     pub(crate) before: Option<Opening>,
     /// Number of openings so far.
     pub(crate) openings: u64,
-    pub(crate) frame_times: Arc<[FrameTime]>,
     pub(crate) frames: Frames,
+    /// Indices of frame times that could not be loaded.
     pub(crate) failed: BTreeSet<usize>,
+    /// What is asked for besides, once the source is open.
+    pub(crate) wishes: Wishes,
 }
 
-/// Settings A and B, as scenes, and the particles of each. The settings panel changes the scenes.
-pub(crate) struct Editing {
-    /// Settings A and B, as scenes.
-    pub(crate) scenes: [Scene; 2],
-    pub(crate) edited: usize,
-    pub(crate) compare: Compare,
-    pub(crate) wipe: f32,
-    pub(crate) sides: [Side; 2],
+/// A source that is open or being opened; dropping this stops its bake after the current frame.
+#[derive(Debug)]
+pub(crate) struct Opening {
+    pub(crate) number: u64,
+    pub(crate) source: Source,
+    /// Whether it takes the place of the same source with other adjustments.
+    pub(crate) replaces: bool,
+    /// Whether it is still to be read.
+    pub(crate) pending: bool,
+    /// Whether it has been read and is the open document.
+    pub(crate) opened: bool,
+    /// Progress of its bake; `None` if none is needed or it has ended.
+    pub(crate) progress: Option<Progress>,
+    /// Whether the folder is being searched for new frames.
+    pub(crate) growing: bool,
+    /// Whether more frames have been baked since that search began.
+    pub(crate) again: bool,
+    pub(crate) stop: Arc<AtomicBool>,
 }
 
-/// The camera and its path. Camera controls and the camera panel change it.
-pub(crate) struct CameraState {
-    pub(crate) camera: Camera,
-    pub(crate) path: CameraPath,
-    pub(crate) follow: bool,
-    pub(crate) path_seconds: f64,
+impl Drop for Opening {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
 }
 
-/// The view mode and the requests to the draw thread. The refinement changes it.
-pub(crate) struct PictureState {
-    pub(crate) dragging: bool,
-    pub(crate) view: View,
-    pub(crate) view_before: View,
-    pub(crate) refine: bool,
-    pub(crate) resolution: AdaptiveResolution,
-    pub(crate) subject: Option<Subject>,
-    pub(crate) changed: Instant,
-    pub(crate) asked: u64,
-    pub(crate) asked_level: Level,
-    pub(crate) answered: u64,
-    /// The last requested picture could not be drawn.
-    pub(crate) undrawn: bool,
-    /// The device has not drawn a picture yet: the first takes longer.
-    pub(crate) fresh_device: bool,
-    pub(crate) viewport_size: UVec2,
+impl OpenDocument {
+    pub(crate) fn new(frames: Frames) -> Self {
+        Self {
+            document: None,
+            opening: None,
+            before: None,
+            openings: 0,
+            frames,
+            failed: BTreeSet::new(),
+            wishes: Wishes::default(),
+        }
+    }
+
+    /// The source that is being read.
+    pub(crate) fn pending(&self) -> Option<&str> {
+        let opening = self.opening.as_ref().filter(|opening| opening.pending)?;
+        Some(&opening.source.input)
+    }
+
+    /// Whether more frames may follow.
+    pub(crate) fn grows(&self) -> bool {
+        let mut openings = [&self.opening, &self.before].into_iter().flatten();
+        openings.any(|opening| opening.progress.is_some() || opening.growing || opening.pending)
+    }
+
+    /// The opening with this number, unless it has been dropped.
+    pub(crate) fn opening_mut(&mut self, number: u64) -> Option<&mut Opening> {
+        let all = [&mut self.opening, &mut self.before];
+        all.into_iter().flatten().find(|opening| opening.number == number)
+    }
+}
+
+/// What an address asks for besides a source, once that is open.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Wishes {
+    pub(crate) frame: Option<i64>,
+    pub(crate) play: bool,
+    pub(crate) camera: Option<Camera>,
+    pub(crate) view: Option<Aov>,
+    pub(crate) unrefined: bool,
 }
 
 /// The state of panels, dialogs and notices.
 pub(crate) struct Interface {
-    pub(crate) notices: Vec<Notice>,
+    pub(crate) notices: Notices,
     pub(crate) tab: Tab,
     pub(crate) panels: bool,
     pub(crate) help: bool,
     pub(crate) dialog: Option<Dialog>,
+    /// Whether the system's dialog for files is open.
     pub(crate) browsing: bool,
     pub(crate) recent: Recent,
     /// The demos' pictures, once they have been shown.
@@ -121,5 +115,27 @@ pub(crate) struct Interface {
     pub(crate) dark: bool,
     /// Only the picture and the timeline are shown: within a page of somebody else.
     pub(crate) plain: bool,
+    /// The graphics device that draws.
+    pub(crate) adapter: Option<String>,
+    /// When playback last advanced.
     pub(crate) ticked: Instant,
+}
+
+impl Interface {
+    pub(crate) fn new(recent: Recent) -> Self {
+        Self {
+            notices: Notices::default(),
+            tab: Tab::Settings,
+            panels: true,
+            help: false,
+            dialog: None,
+            browsing: false,
+            recent,
+            demos: Vec::new(),
+            dark: true,
+            plain: false,
+            adapter: None,
+            ticked: Instant::now(),
+        }
+    }
 }

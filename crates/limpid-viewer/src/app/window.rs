@@ -1,4 +1,4 @@
-//! The window, and its replacement if its device is lost.
+//! The viewer in a window: what only programs can do, the window, and its replacement if its device is lost.
 //!
 //! egui draws the interface with its own device, which eframe opens and cannot replace. If that device
 //! is lost, the window is closed and opened again with the same viewer: the document, the settings, the
@@ -6,20 +6,122 @@
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, OnceLock, mpsc};
 use std::time::{Duration, Instant};
 
 use eframe::egui;
 
-use crate::{Options, Viewer};
+use crate::app::{Options, Viewer};
+use crate::backend::core::messages::Post;
+use crate::backend::native::Backend;
+use crate::model::document::Source;
+use crate::model::log::Log;
+use crate::panels::dialogs::{Browse, Dialog, Purpose};
+use limpid::gpu::Gpu;
+use limpid_io::device;
 use limpid_io::error::{Error, Result};
+use limpid_io::project::Project;
 
 /// Number of windows opened in quick succession before an error.
 const ATTEMPTS: usize = 3;
 
 /// A window that was open for longer resets the attempts.
 const STEADY: Duration = Duration::from_secs(60);
+
+impl Viewer {
+    /// Creates the viewer and opens the options' source.
+    ///
+    /// # Errors
+    /// [`limpid_io::Error::Io`] if the log cannot be written.
+    pub fn new(options: Options) -> Result<Self> {
+        Self::with_devices(options, device::open)
+    }
+
+    /// As [`Viewer::new`], with devices from `open`: one for the first picture, and another after each
+    /// loss.
+    ///
+    /// # Errors
+    /// As [`Viewer::new`].
+    pub fn with_devices(
+        options: Options,
+        open: impl FnMut() -> Result<Gpu> + Send + 'static,
+    ) -> Result<Self> {
+        let (sender, messages) = mpsc::channel();
+        let post = Post::new(sender);
+        let backend = Backend::new(post.clone(), open);
+        let log = Log::new(options.log.as_deref())?;
+        Ok(Self::of(options, backend, (post, messages), log))
+    }
+
+    /// Opens the path that was typed.
+    pub(super) fn open_typed(&mut self, path: &str) {
+        self.open(Source::new(path));
+    }
+
+    /// Shows the system's file dialog.
+    pub(super) fn browse(&mut self, dialog: Dialog, _how: Browse) {
+        self.interface.browsing = true;
+        let (purpose, path) = (dialog.purpose, dialog.path.clone());
+        self.interface.dialog = Some(dialog);
+        self.backend.choose(move || {
+            let (name, extensions) = filter(purpose);
+            let mut system = rfd::FileDialog::new().set_title(purpose.title());
+            if !extensions.is_empty() {
+                system = system.add_filter(name, extensions);
+            }
+            match purpose.saves() {
+                true => system.set_file_name(path).save_file(),
+                false => system.pick_file(),
+            }
+        });
+    }
+
+    /// Copies the command that draws this picture.
+    pub(super) fn copy(&mut self, ctx: &egui::Context) {
+        if let Some(command) = self.command_line("limpid.png") {
+            ctx.copy_text(command.clone());
+            self.show_info(format!("copied: {command}"));
+        }
+    }
+
+    /// Writes the edited scene with the current camera, in the background.
+    pub fn save_scene(&mut self, path: PathBuf) {
+        let (Some(document), Some(at)) = (self.opened.document.clone(), self.stage.frame_time())
+        else {
+            return;
+        };
+        let (camera, processor) = (self.stage.eye.camera, self.stage.processor);
+        let scene = self.picture.fine_scene(&self.stage.editing);
+        // Writing an environment map takes time.
+        self.backend.write(path, move |path| {
+            document.check_scene_output(path)?;
+            Project { processor, ..document.saved(scene, camera, at) }.save(path)
+        });
+    }
+
+    /// Writes the camera path, in the background.
+    pub(super) fn save_path(&mut self, path: PathBuf) {
+        let keys = self.stage.eye.path.clone();
+        self.backend.write(path, move |path| keys.save(path));
+    }
+
+    /// Reads a camera path, in the background.
+    pub(super) fn load_path(&self, path: PathBuf) {
+        self.backend.load_path(path);
+    }
+}
+
+/// What the system's dialog lists: a name, and extensions; all files without any.
+fn filter(purpose: Purpose) -> (&'static str, &'static [&'static str]) {
+    match purpose {
+        Purpose::Open => ("Scenes and particles", &[]),
+        Purpose::Picture => ("Pictures", &["png", "jpg", "webp", "exr"]),
+        Purpose::Film => ("Films", &["mp4", "webm", "gif", "apng"]),
+        Purpose::Scene | Purpose::LoadPath | Purpose::SavePath => ("TOML", &["toml"]),
+    }
+}
 
 /// The viewer in a window.
 struct Window {
@@ -40,7 +142,7 @@ impl eframe::App for Window {
 
     fn on_exit(&mut self) {
         if self.lost.get().is_none() {
-            self.viewer.borrow_mut().jobs.log.close();
+            self.viewer.borrow_mut().close();
         }
     }
 }

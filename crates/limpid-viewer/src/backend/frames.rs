@@ -2,20 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::backend::background::drop_in_background;
+use crate::backend::here::{Backend, FrameCache, drop_in_background};
 use crate::model::document::Document;
 use limpid::scene::Scene;
 use limpid::settings::Classify;
-#[cfg(not(target_arch = "wasm32"))]
-use limpid_io::frame_cache::FrameCache;
 use limpid_io::frame_cache::{CacheState, Outcome};
 use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
-#[cfg(not(target_arch = "wasm32"))]
-use limpid_io::shared_classifier::SharedClassifier;
-
-#[cfg(target_arch = "wasm32")]
-use crate::backend::web::FrameCache;
 
 /// The inputs of a cache's frames besides the document.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,25 +27,12 @@ pub(crate) struct Frames {
     caches: Vec<(Key, FrameCache)>,
     /// Memory for all caches, bytes.
     budget: u64,
-    #[cfg(not(target_arch = "wasm32"))]
-    classifier: SharedClassifier,
-    #[cfg(target_arch = "wasm32")]
-    worker: crate::backend::web::Worker,
-    /// The processor that classifies the frames.
-    pub(crate) processor: Processor,
 }
 
 impl Frames {
-    /// Creates no caches yet; `worker` will load their frames.
-    #[cfg(target_arch = "wasm32")]
-    pub(crate) fn new(budget: u64, worker: crate::backend::web::Worker) -> Self {
-        Self { caches: Vec::new(), budget, worker, processor: Processor::default() }
-    }
-
-    /// Creates no caches yet; `classifier` will classify their frames.
-    #[cfg(not(target_arch = "wasm32"))]
-    pub(crate) fn new(budget: u64, classifier: SharedClassifier) -> Self {
-        Self { caches: Vec::new(), budget, classifier, processor: Processor::default() }
+    /// Creates no caches yet, whose memory is `budget` bytes.
+    pub(crate) fn new(budget: u64) -> Self {
+        Self { caches: Vec::new(), budget }
     }
 
     /// Drops all caches.
@@ -66,12 +46,12 @@ impl Frames {
     /// frames are classified.
     pub(crate) fn prepare(
         &mut self,
-        document: &Arc<Document>,
+        backend: &Backend,
+        document: &Document,
         frame_times: &Arc<[FrameTime]>,
-        step: f64,
+        (step, processor): (f64, Processor),
         scenes: &[&Scene],
         (at, hold): (usize, bool),
-        ready: impl Fn() + Clone + Send + Sync + 'static,
     ) {
         let mut different: Vec<&Scene> = Vec::new();
         for scene in scenes {
@@ -82,7 +62,7 @@ impl Frames {
         let budget = self.budget / different.len().max(1) as u64;
         let key = |scene: &Scene| Key {
             classify: scene.settings.classify.clone(),
-            processor: self.processor,
+            processor,
             step,
             count: frame_times.len(),
             budget,
@@ -101,42 +81,10 @@ impl Frames {
                 self.caches.push(old.swap_remove(same));
                 continue;
             }
-            let cache = self.cache(document, frame_times, scene, budget, ready.clone());
+            let cache = backend.cache(document, frame_times, scene, processor, budget);
             self.caches.push((key, cache));
         }
         drop_in_background(old);
-    }
-
-    /// A cache that loads frames on threads of its own.
-    #[cfg(not(target_arch = "wasm32"))]
-    fn cache(
-        &self,
-        document: &Document,
-        frame_times: &Arc<[FrameTime]>,
-        scene: &Scene,
-        budget: u64,
-        ready: impl Fn() + Send + Sync + 'static,
-    ) -> FrameCache {
-        let input = document.input.clone().classified(self.classifier.clone());
-        let input = input.processed_by(self.processor);
-        let (frame_times, scene) = (frame_times.clone(), scene.clone());
-        let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
-        let (count, workers) = (frame_times.len(), workers.min(frame_times.len()));
-        let load = move |i: usize| input.load(frame_times[i], &scene);
-        FrameCache::new(count, budget, workers, load, move |_| ready())
-    }
-
-    /// A cache of the worker.
-    #[cfg(target_arch = "wasm32")]
-    fn cache(
-        &self,
-        document: &Document,
-        frame_times: &[FrameTime],
-        scene: &Scene,
-        budget: u64,
-        ready: impl Fn() + 'static,
-    ) -> FrameCache {
-        self.worker.cache(document, frame_times, scene, self.processor, budget, ready)
     }
 
     /// Sets the position and direction of playback in all caches.
@@ -148,10 +96,13 @@ impl Frames {
 
     /// The particles of a frame time, if they are loaded, and whether they are classified as in `scene`:
     /// while a slider is dragged they may not be.
-    pub(crate) fn get(&self, scene: &Scene, i: usize) -> Option<(Outcome, bool)> {
-        let fits = |key: &Key| {
-            (&key.classify, key.processor) == (&scene.settings.classify, self.processor)
-        };
+    pub(crate) fn get(
+        &self,
+        (scene, processor): (&Scene, Processor),
+        i: usize,
+    ) -> Option<(Outcome, bool)> {
+        let fits =
+            |key: &Key| (&key.classify, key.processor) == (&scene.settings.classify, processor);
         let (key, cache) = self.caches.iter().find(|(key, _)| fits(key)).or(self.caches.first())?;
         Some((cache.get(i)?, fits(key)))
     }

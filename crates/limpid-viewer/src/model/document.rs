@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::platform::IN_BROWSER;
 use crate::model::playback::Speed;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
@@ -17,9 +18,7 @@ use limpid_io::input::{FrameTime, Input, Loaded, Missing, files_of};
 use limpid_io::notice::{self, Notice};
 use limpid_io::open::{Opened, Request};
 use limpid_io::output::{FileKind, Files};
-#[cfg(any(test, target_arch = "wasm32"))]
-use limpid_io::particles::readable_stem;
-use limpid_io::particles::{AttributeMap, ReadOptions, Selection};
+use limpid_io::particles::{AttributeMap, ReadOptions, Selection, readable_stem};
 use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
 
@@ -60,9 +59,8 @@ pub struct Document {
     pub project: Project,
     /// Frame numbers, ascending; at least one.
     pub numbers: Vec<i64>,
-    /// Identifies it between a page and its worker.
-    #[cfg(target_arch = "wasm32")]
-    pub(crate) id: u64,
+    /// Identifies it between a page and its worker; 0 elsewhere.
+    pub id: u64,
 }
 
 impl Source {
@@ -95,15 +93,7 @@ impl Document {
         let spec = source.frames.clone().unwrap_or_default();
         let mut numbers = spec.numbers(&input.sequence, input.missing)?;
         numbers.sort_unstable();
-        Ok(Self {
-            source: source.clone(),
-            input,
-            plain: plain.scene,
-            project,
-            numbers,
-            #[cfg(target_arch = "wasm32")]
-            id: 0,
-        })
+        Ok(Self { source: source.clone(), input, plain: plain.scene, project, numbers, id: 0 })
     }
 
     /// The frame times of playback at a speed.
@@ -145,8 +135,8 @@ impl Document {
     /// A short name for titles.
     pub fn name(&self) -> &str {
         let input = self.source.input.as_str();
-        #[cfg(target_arch = "wasm32")]
-        let input = input.split('?').next().unwrap_or(input);
+        let query = if IN_BROWSER { input.find('?') } else { None };
+        let input = query.map_or(input, |query| &input[..query]);
         let input = input.trim_end_matches('/');
         input.rsplit('/').next().unwrap_or(input)
     }
@@ -180,7 +170,7 @@ impl Document {
         let mut project = Project { scene, camera, ..self.project.clone() };
         // In a browser the frames are in memory alone, and are simulated again.
         if let LiquidSource::Simulation(simulation) = &project.source
-            && !cfg!(target_arch = "wasm32")
+            && !IN_BROWSER
         {
             // The frames are stored beside the opened file, not beside the saved one.
             let opened = Path::new(&self.source.input);
@@ -233,8 +223,7 @@ impl Document {
 
 /// What to open of files with these paths, which were dropped or chosen together: the scene among them, the only file,
 /// or the folder with the most particle files.
-#[cfg(any(test, target_arch = "wasm32"))]
-pub(crate) fn opened_of(paths: &[&str]) -> Option<String> {
+pub fn opened_of(paths: &[&str]) -> Option<String> {
     let depth = |path: &str| path.matches('/').count();
     let scenes = paths.iter().filter(|path| path.to_lowercase().ends_with(".toml"));
     if let Some(scene) = scenes.min_by_key(|path| (depth(path), **path)) {

@@ -12,3 +12,6 @@ pub enum Level {
     /// Full resolution, several rays per pixel.
     Fine,
 }
+
+/// Rays per pixel of a picture at rest.
+pub const FINE_SAMPLES: u32 = 4;

@@ -2,6 +2,8 @@
 
 use eframe::egui::{Key, Modifiers};
 
+use crate::model::platform::IN_BROWSER;
+
 /// The action of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
@@ -94,13 +96,13 @@ const fn with_command(
     Shortcut { action, key, command: true, shown, help }
 }
 
-const FILM: &str = if cfg!(target_arch = "wasm32") {
+const FILM: &str = if IN_BROWSER {
     "how to save a film of what is played"
 } else {
     "save a film of what is played"
 };
 
-const COPY: &str = if cfg!(target_arch = "wasm32") {
+const COPY: &str = if IN_BROWSER {
     "copy a link to this picture"
 } else {
     "copy the command line of this picture"

@@ -1,17 +1,14 @@
 //! The scene's own controls: look, sky, sun, ground, and the axis and the unit of its files.
 
-use std::sync::Arc;
-
 use eframe::egui;
 
-use crate::Viewer;
-use crate::model::document::{Document, Source};
+use crate::model::document::Document;
+use crate::panels::Command;
 use crate::panels::toolbar::named;
 use limpid::liquid::Up;
 use limpid::look::Look;
 use limpid::scene::Scene;
 use limpid_io::adjustments::{Adjustments, Floor, Sun};
-use limpid_io::project::controls;
 
 /// Units of length by name, m.
 const UNITS: [(&str, f64); 5] = [
@@ -22,90 +19,27 @@ const UNITS: [(&str, f64); 5] = [
     ("feet", 0.3048),
 ];
 
-impl Viewer {
-    /// Rows for what `--look`, `--sky`, `--sun`, `--floor`, `--up` and `--scale` change. They hold for A and B.
-    pub(crate) fn scene_rows(&mut self, ui: &mut egui::Ui, document: &Document) {
-        let before = &document.source.adjustments;
-        let mut after = before.clone();
-        let hint = "Sky, light, tone curve and, without ones of its own, ground and tint.\n--look";
-        look_row(ui, "Look", hint, &mut after.look);
-        look_row(ui, "Sky", "What is seen and reflected beyond the scene.\n--sky", &mut after.sky);
-        let scene = &document.project.scene;
-        let turned = sun_rows(ui, scene, &mut after);
-        floor_rows(ui, scene, &mut after);
-        if document.input.has_files() {
-            file_rows(ui, &mut after);
-        }
-        if after == *before {
-            return;
-        }
-        match turned {
-            // While the slider moves, the sun follows it at once.
-            true => self.turn_sun(&after),
-            false => {
-                let source = Source { adjustments: after, ..document.source.clone() };
-                self.reopen(source);
-            }
-        }
+/// Rows for what `--look`, `--sky`, `--sun`, `--floor`, `--up` and `--scale` change. They hold for A and B.
+pub(crate) fn scene_rows(ui: &mut egui::Ui, document: &Document, commands: &mut Vec<Command>) {
+    let before = &document.source.adjustments;
+    let mut after = before.clone();
+    let hint = "Sky, light, tone curve and, without ones of its own, ground and tint.\n--look";
+    look_row(ui, "Look", hint, &mut after.look);
+    look_row(ui, "Sky", "What is seen and reflected beyond the scene.\n--sky", &mut after.sky);
+    let scene = &document.project.scene;
+    let turned = sun_rows(ui, scene, &mut after);
+    floor_rows(ui, scene, &mut after);
+    if document.input.has_files() {
+        file_rows(ui, &mut after);
     }
-
-    fn turn_sun(&mut self, adjustments: &Adjustments) {
-        let (Some(document), Some(sun)) = (&mut self.opened.document, adjustments.sun) else {
-            return;
-        };
-        let document = Arc::make_mut(document);
-        document.source.adjustments = adjustments.clone();
-        let scenes = [&mut document.plain, &mut document.project.scene];
-        for scene in scenes.into_iter().chain(&mut self.editing.scenes) {
-            sun.apply(scene);
-        }
+    if after == *before {
+        return;
     }
-
-    /// Takes the place of the open document by one with other adjustments: settings, camera and playback stay.
-    pub(crate) fn reopened(&mut self, document: Document) {
-        let Some(old) = self.opened.document.clone() else { return self.opened(document) };
-        let was_home = self.eye.camera == old.project.camera_for(Default::default());
-        let particles = |source: &Source| (source.adjustments.up, source.adjustments.scale);
-        let moved = particles(&old.source) != particles(&document.source);
-        for edited in &mut self.editing.scenes {
-            *edited = carried(edited, &old.project.scene, &document.project.scene);
-        }
-        if was_home || moved {
-            self.eye.camera = document.project.camera_for(Default::default());
-        }
-        self.opened.frames.clear();
-        self.opened.failed.clear();
-        for side in &mut self.editing.sides {
-            side.at = None;
-        }
-        self.playback.fps = document.fps();
-        self.opened.frame_times = document.frame_times(self.playback.speed()).into();
-        self.playback.set_count(self.opened.frame_times.len());
-        #[cfg(not(target_arch = "wasm32"))]
-        self.errors.forget();
-        self.jobs.log.event("reopened", serde_json::json!({ "input": document.source.input }));
-        self.opened.document = Some(Arc::new(document));
-        #[cfg(target_arch = "wasm32")]
-        self.grant_frame();
-    }
-}
-
-/// The scene `after`, with all that was edited since `before`.
-fn carried(edited: &Scene, before: &Scene, after: &Scene) -> Scene {
-    let mut scene = after.clone();
-    for (control, value) in controls::differences(&before.settings, &edited.settings) {
-        control.set(&mut scene.settings, &value);
-    }
-    if edited.liquid.ior != before.liquid.ior {
-        scene.liquid.ior = edited.liquid.ior;
-    }
-    if edited.liquid.absorption != before.liquid.absorption {
-        scene.liquid.absorption = edited.liquid.absorption;
-    }
-    if edited.fluids != before.fluids {
-        scene.fluids.clone_from(&edited.fluids);
-    }
-    scene
+    commands.push(match turned {
+        // While the slider moves, the sun follows it at once.
+        true => Command::TurnSun(after),
+        false => Command::Adjust(after),
+    });
 }
 
 fn look_row(ui: &mut egui::Ui, title: &str, hint: &str, chosen: &mut Option<Look>) {

@@ -1,11 +1,16 @@
-//! The side panel: settings of every pass, the camera, the times.
+//! The settings panel: the scene, and the settings of every pass.
 
 use eframe::egui;
 use eframe::egui::SliderClamping::Edits;
 use serde_json::json;
 
+use crate::model::document::Document;
+use crate::model::editing::Editing;
+use crate::model::level::FINE_SAMPLES;
+use crate::model::log::Log;
+use crate::panels::Command;
+use crate::panels::scene::scene_rows;
 use crate::panels::toolbar::named;
-use crate::{Tab, Viewer};
 use limpid::scene::Scene;
 use limpid::settings::{Preset, Settings};
 use limpid_io::project::controls::{self, CONTROLS, Control, ControlKind, PASSES, Value};
@@ -15,50 +20,38 @@ use limpid_io::shared_classifier::Processor;
 /// End of sliders with a larger range: larger values can only be typed.
 const SLIDER_END: f64 = 1e6;
 
-impl Viewer {
-    pub(crate) fn side_panel(&mut self, ui: &mut egui::Ui) {
-        let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(8);
-        let panel = egui::Panel::right("side").frame(bar).default_size(350.0);
-        panel.size_range(300.0..=520.0).show(ui, |ui| {
-            ui.horizontal(|ui| {
-                for (tab, name) in
-                    [(Tab::Settings, "Settings"), (Tab::Camera, "Camera"), (Tab::Times, "Times")]
-                {
-                    ui.selectable_value(&mut self.interface.tab, tab, name);
-                }
-            });
-            ui.separator();
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                match self.interface.tab {
-                    Tab::Settings => self.settings(ui),
-                    Tab::Camera => self.camera_panel(ui),
-                    Tab::Times => self.show_times(ui),
-                }
-            });
-        });
-    }
+/// What the settings panel shows and changes.
+pub(crate) struct SettingsPanel<'a> {
+    pub(crate) document: &'a Document,
+    pub(crate) editing: &'a mut Editing,
+    /// Whether pictures at rest are refined.
+    pub(crate) refine: &'a mut bool,
+    /// The processor that classifies the particles.
+    pub(crate) processor: &'a mut Processor,
+    pub(crate) log: &'a mut Log,
+}
 
-    fn settings(&mut self, ui: &mut egui::Ui) {
-        let Some(document) = self.opened.document.clone() else { return };
+impl SettingsPanel<'_> {
+    pub(crate) fn show(self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
+        let Self { document, editing, refine, processor, log } = self;
         ui.horizontal(|ui| {
             for (i, name) in ["A", "B"].into_iter().enumerate() {
                 let hint = format!("edit settings {name} (X)");
-                ui.selectable_value(&mut self.editing.edited, i, name).on_hover_text(hint);
+                ui.selectable_value(&mut editing.edited, i, name).on_hover_text(hint);
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let (from, to) = if self.editing.edited == 0 { ("A", "B") } else { ("B", "A") };
+                let (from, to) = if editing.edited == 0 { ("A", "B") } else { ("B", "A") };
                 let copy = ui.button(format!("Copy {from} to {to}"));
                 if copy.clicked() {
-                    self.editing.scenes[1 - self.editing.edited] =
-                        self.editing.scenes[self.editing.edited].clone();
+                    editing.scenes[1 - editing.edited] = editing.scenes[editing.edited].clone();
                 }
                 let reset = ui.button("Reset all").on_hover_text("all as they were opened");
                 if reset.clicked() {
-                    self.editing.scenes[self.editing.edited] = document.project.scene.clone();
+                    editing.scenes[editing.edited] = document.project.scene.clone();
                 }
             });
         });
-        let scene = &mut self.editing.scenes[self.editing.edited];
+        let scene = &mut editing.scenes[editing.edited];
         let before = scene.clone();
         ui.horizontal(|ui| {
             ui.label("Preset");
@@ -73,15 +66,13 @@ impl Viewer {
             });
             named(&response.response, "Preset");
         });
-        ui.checkbox(&mut self.picture.refine, "Refine pictures at rest").on_hover_text(format!(
-            "draw at least {} rays per pixel once nothing changes",
-            crate::FINE_SAMPLES
-        ));
+        let hint = format!("draw at least {FINE_SAMPLES} rays per pixel once nothing changes");
+        ui.checkbox(refine, "Refine pictures at rest").on_hover_text(hint);
         ui.add_space(4.0);
         section(ui, "scene", "Scene", |ui| {
-            grid(ui, "scene", |ui| self.scene_rows(ui, &document));
+            grid(ui, "scene", |ui| scene_rows(ui, document, commands));
         });
-        let scene = &mut self.editing.scenes[self.editing.edited];
+        let scene = &mut editing.scenes[editing.edited];
         section(ui, "liquid", "Liquid", |ui| {
             liquid(ui, scene);
             reset(ui, "liquid", || {
@@ -97,7 +88,7 @@ impl Viewer {
                         row(ui, control, &control.of(&table), &mut scene.settings);
                     }
                     if pass == "classify" {
-                        computed_on(ui, &mut self.opened.frames.processor);
+                        computed_on(ui, processor);
                     }
                 });
                 reset(ui, pass, || {
@@ -106,18 +97,18 @@ impl Viewer {
                         control.set(&mut scene.settings, &opened);
                     }
                     if pass == "classify" {
-                        self.opened.frames.processor = document.project.processor;
+                        *processor = document.project.processor;
                     }
                 });
             });
         }
-        if self.jobs.log.is_on() && *scene != before {
+        if log.is_on() && *scene != before {
             let changed = controls::differences(&before.settings, &scene.settings);
             let what: Vec<String> = changed
                 .iter()
                 .map(|(control, value)| format!("{}={value}", control.path()))
                 .collect();
-            self.jobs.log.event("setting", json!({ "changed": what }));
+            log.event("setting", json!({ "changed": what }));
         }
     }
 }

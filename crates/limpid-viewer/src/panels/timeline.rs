@@ -1,40 +1,64 @@
 //! The bars at the bottom: playback, loaded frames, status and notices.
 
+use std::collections::BTreeSet;
+
 use eframe::egui::{self, Color32, Rect, Sense, Stroke, StrokeKind, pos2, vec2};
 
-use crate::Viewer;
 use crate::model::document::Document;
-use crate::model::playback::Speed;
+use crate::model::notices::Notices;
+use crate::model::playback::{Playback, Speed};
 use crate::model::shortcuts::{self, Action};
+use crate::panels::Command;
 use crate::panels::icons::{self, Sign};
 use crate::panels::style::accent;
 use crate::panels::toolbar::named;
+use limpid_io::camera_path::Key;
 use limpid_io::frame_cache::CacheState;
-use limpid_io::notice::thousands;
+use limpid_io::input::FrameTime;
 
-impl Viewer {
-    pub(crate) fn timeline(&mut self, ui: &mut egui::Ui) {
+/// What the timeline shows.
+pub(crate) struct Timeline<'a> {
+    pub(crate) document: Option<&'a Document>,
+    /// The source that is being opened.
+    pub(crate) opening: Option<&'a str>,
+    pub(crate) playback: &'a Playback,
+    pub(crate) frame_times: &'a [FrameTime],
+    /// The frames that are loaded ahead.
+    pub(crate) ahead: &'a CacheState,
+    /// Indices of frame times that could not be loaded.
+    pub(crate) failed: &'a BTreeSet<usize>,
+    /// Indices of frame times whose pictures are kept, ascending.
+    pub(crate) kept: &'a [usize],
+    /// The camera's key frames.
+    pub(crate) keys: &'a [Key],
+    /// The status line.
+    pub(crate) facts: &'a [String],
+    /// Whether a film is being written.
+    pub(crate) films: bool,
+    /// The graphics device that draws.
+    pub(crate) adapter: Option<&'a str>,
+}
+
+impl Timeline<'_> {
+    pub(crate) fn show(&self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::bottom("timeline").frame(bar).show(ui, |ui| {
-            if let Some(document) = self.opened.document.clone() {
-                let ahead = self.opened.frames.state();
-                if self.opened.frame_times.len() > 1 {
-                    self.transport(ui, &document, &ahead);
+            if let Some(document) = self.document {
+                if self.frame_times.len() > 1 {
+                    self.transport(ui, document, commands);
                     ui.add_space(2.0);
                 }
-                self.status(ui, &ahead);
+                self.status(ui, commands);
             } else {
-                ui.weak(match self.opened.opening.as_ref().filter(|opening| opening.pending) {
-                    Some(opening) => format!("opening {}", opening.source.input),
+                ui.weak(match self.opening {
+                    Some(input) => format!("opening {input}"),
                     None => "nothing is open".to_owned(),
                 });
             }
         });
     }
 
-    fn transport(&mut self, ui: &mut egui::Ui, document: &Document, ahead: &CacheState) {
-        let ctx = ui.ctx().clone();
-        let mut chosen = None;
+    fn transport(&self, ui: &mut egui::Ui, document: &Document, commands: &mut Vec<Command>) {
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             let playing = self.playback.playing;
@@ -53,7 +77,7 @@ impl Viewer {
             for (sign, name, action, on) in all {
                 let hint = shortcuts::of(action).tooltip();
                 if icons::button(ui, sign, name, &hint, on).clicked() {
-                    chosen = Some(action);
+                    commands.push(Command::Act(action));
                 }
             }
             ui.add_space(4.0);
@@ -67,12 +91,12 @@ impl Viewer {
             });
             named(&response.response, "Speed");
             if speed != self.playback.speed() {
-                self.set_speed(speed);
+                commands.push(Command::SetSpeed(speed));
             }
             ui.add_space(4.0);
             let width = (ui.available_width() - 190.0).max(60.0);
-            self.track(ui, width, document, ahead);
-            if let Some(at) = self.frame_time() {
+            let index = self.track(ui, width, document, commands);
+            if let Some(&at) = self.frame_times.get(index) {
                 ui.add_space(6.0);
                 let last = document.numbers.last().copied().unwrap_or_default();
                 let time = at.time();
@@ -81,25 +105,30 @@ impl Viewer {
                 ui.monospace(format!("{frame:>6} / {last}  {seconds:6.2} s"));
             }
         });
-        if let Some(action) = chosen {
-            self.act(&ctx, action);
-        }
     }
 
-    /// The scrub bar: loaded, loading, failed and, brightest, drawn frames, the camera's keys and the playhead.
-    fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document, ahead: &CacheState) {
+    /// The scrub bar: loaded, loading, failed and, brightest, drawn frames, the camera's keys and the playhead. Returns
+    /// the index where that is.
+    fn track(
+        &self,
+        ui: &mut egui::Ui,
+        width: f32,
+        document: &Document,
+        commands: &mut Vec<Command>,
+    ) -> usize {
         let (outer, mut response) =
             ui.allocate_exact_size(vec2(width, 24.0), Sense::click_and_drag());
-        let count = self.opened.frame_times.len();
+        let count = self.frame_times.len();
         let last = (count - 1) as f32;
         let rect = outer.shrink2(vec2(6.0, 8.0));
         let x = |i: f32| rect.left() + rect.width() * i / last;
+        let mut index = self.playback.index();
         if let Some(pointer) = response.interact_pointer_pos() {
             let share = ((pointer.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
-            self.seek((share * last).round() as usize);
+            index = (share * last).round() as usize;
+            commands.push(Command::Seek(index));
             response.mark_changed();
         }
-        let index = self.playback.index();
         response.widget_info(|| egui::WidgetInfo::slider(true, index as f64, "Timeline"));
         let painter = ui.painter();
         let visuals = ui.visuals();
@@ -113,19 +142,15 @@ impl Viewer {
                 painter.rect_filled(part, 2, color);
             }
         };
-        paint(&ahead.loaded, dim);
-        paint(&ahead.loading, visuals.weak_text_color().gamma_multiply(0.5));
-        paint(&ahead.failed, visuals.error_fg_color);
-        let known: Vec<usize> = self.opened.failed.iter().copied().collect();
+        paint(&self.ahead.loaded, dim);
+        paint(&self.ahead.loading, visuals.weak_text_color().gamma_multiply(0.5));
+        paint(&self.ahead.failed, visuals.error_fg_color);
+        let known: Vec<usize> = self.failed.iter().copied().collect();
         paint(&known, visuals.error_fg_color);
-        if self.flipping.needed {
-            let kept = self.kept();
-            let kept: Vec<usize> = (0..count).filter(|&i| kept[i]).collect();
-            paint(&kept, accent(ui));
-        }
+        paint(self.kept, accent(ui));
         painter.rect_stroke(rect, 3, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Outside);
-        let length = self.opened.frame_times.last().map_or(0.0, |&at| document.seconds(at));
-        for key in &self.eye.path.keys {
+        let length = self.frame_times.last().map_or(0.0, |&at| document.seconds(at));
+        for key in self.keys {
             if length > 0.0 && (0.0..=length).contains(&key.time) {
                 let at = pos2(x(last * (key.time / length) as f32), rect.top() - 4.0);
                 painter.circle_filled(at, 2.5, visuals.warn_fg_color);
@@ -135,47 +160,17 @@ impl Viewer {
         let head = Stroke::new(2.0, visuals.strong_text_color());
         painter.line_segment([pos2(at, outer.top() + 3.0), pos2(at, outer.bottom() - 3.0)], head);
         painter.circle_filled(pos2(at, rect.center().y), 4.5, visuals.strong_text_color());
+        index
     }
 
-    fn status(&mut self, ui: &mut egui::Ui, ahead: &CacheState) {
+    fn status(&self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
         ui.horizontal(|ui| {
-            let side = &self.editing.sides[self.editing.edited];
-            let mut facts = Vec::new();
-            if let Some(loaded) = &side.loaded {
-                facts.push(format!("{} particles", thousands(loaded.particles)));
-                let splashes = loaded.splashes;
-                facts.push(format!("{} splashes", thousands(splashes)));
-            } else if self.opened.document.is_some() {
-                facts.push("loading".to_owned());
-            }
-            if let Some(shown) = &side.picture.shown {
-                let (size, samples) = (shown.size, shown.samples);
-                facts.push(format!("{} × {}, {samples} per pixel", size.x, size.y));
-                facts.push(format!("drawn in {:.0} ms", shown.ms));
-            }
-            if let Some(progress) =
-                self.opened.opening.as_ref().and_then(|opening| opening.progress)
-            {
-                facts.push(format!("simulating, {} of {}", progress.done, progress.frames));
-            }
-            if self.opened.frame_times.len() > 1 {
-                let mebi = |bytes: u64| bytes >> 20;
-                facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
-            }
-            facts.extend(self.flipbook_status());
-            #[cfg(not(target_arch = "wasm32"))]
-            if let Some(filming) = &self.jobs.filming {
-                facts.push(format!("film {} of {}", filming.done, filming.pictures));
-            }
-            ui.small(facts.join("   ·   "));
+            ui.small(self.facts.join("   ·   "));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                #[cfg(not(target_arch = "wasm32"))]
-                if let Some(filming) = &self.jobs.filming
-                    && ui.small_button("Stop film").clicked()
-                {
-                    filming.stop();
+                if self.films && ui.small_button("Stop film").clicked() {
+                    commands.push(Command::StopFilm);
                 }
-                if let Some(adapter) = &self.jobs.adapter {
+                if let Some(adapter) = self.adapter {
                     ui.add(
                         egui::Label::new(egui::RichText::new(adapter).small().weak()).truncate(),
                     );
@@ -183,41 +178,37 @@ impl Viewer {
             });
         });
     }
+}
 
-    /// The line with the newest notice, if there is one.
-    pub(crate) fn notice_line(&mut self, ui: &mut egui::Ui) {
-        // How long notices other than errors are shown.
-        const NOTICE_TIME: std::time::Duration = std::time::Duration::from_secs(6);
-        self.interface
-            .notices
-            .retain(|notice| notice.error || notice.since.elapsed() < NOTICE_TIME);
-        let Some(notice) = self.interface.notices.last().cloned() else { return };
-        if !notice.error {
-            ui.ctx().request_repaint_after(NOTICE_TIME.saturating_sub(notice.since.elapsed()));
-        }
-        let color = match notice.error {
-            true => ui.visuals().error_fg_color,
-            false => accent(ui),
-        };
-        let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
-        egui::Panel::bottom("notice").frame(bar).show(ui, |ui| {
-            ui.horizontal(|ui| {
-                let (dot, _) = ui.allocate_exact_size(vec2(8.0, 16.0), Sense::hover());
-                ui.painter().circle_filled(dot.center(), 4.0, color);
-                let more = self.interface.notices.len() - 1;
-                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    if icons::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
-                        self.interface.notices.pop();
-                    }
-                    if more > 0 {
-                        ui.weak(format!("and {more} more"));
-                    }
-                    ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                        let label = egui::Label::new(notice.text.as_str()).truncate();
-                        ui.add(label).on_hover_text(notice.text.as_str());
-                    });
+/// The line with the newest notice, if there is one.
+pub(crate) fn notice_line(ui: &mut egui::Ui, notices: &mut Notices) {
+    let Some((notice, left)) = notices.newest() else { return };
+    if let Some(left) = left {
+        ui.ctx().request_repaint_after(left);
+    }
+    let color = match notice.error {
+        true => ui.visuals().error_fg_color,
+        false => accent(ui),
+    };
+    let text = notice.text.clone();
+    let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
+    egui::Panel::bottom("notice").frame(bar).show(ui, |ui| {
+        ui.horizontal(|ui| {
+            let (dot, _) = ui.allocate_exact_size(vec2(8.0, 16.0), Sense::hover());
+            ui.painter().circle_filled(dot.center(), 4.0, color);
+            let more = notices.all().len() - 1;
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if icons::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
+                    notices.dismiss();
+                }
+                if more > 0 {
+                    ui.weak(format!("and {more} more"));
+                }
+                ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                    let label = egui::Label::new(text.as_str()).truncate();
+                    ui.add(label).on_hover_text(text.as_str());
                 });
             });
         });
-    }
+    });
 }

@@ -5,7 +5,6 @@ use std::collections::VecDeque;
 use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints};
 
-use crate::Viewer;
 use limpid::gpu::PassTime;
 
 /// Number of pictures in the plot.
@@ -43,7 +42,6 @@ impl History {
     }
 
     /// Each pass of the last picture with its time, ms.
-    #[cfg(target_arch = "wasm32")]
     pub(crate) fn last(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let last = |(name, series): &(&'static str, VecDeque<f64>)| Some((*name, *series.back()?));
         self.passes.iter().filter_map(last).filter(|(_, ms)| ms.is_finite())
@@ -57,12 +55,9 @@ impl History {
             (count > 0.0).then(|| (*name, sum / count))
         })
     }
-}
-
-impl Viewer {
-    pub(crate) fn show_times(&mut self, ui: &mut egui::Ui) {
+    pub(crate) fn show(&self, ui: &mut egui::Ui) {
         ui.strong("Time per pass, ms; means of the last pictures");
-        if self.times.passes.is_empty() {
+        if self.passes.is_empty() {
             ui.weak("No times: the adapter measures none, or nothing has been drawn.");
         } else {
             let plot = Plot::new("passes")
@@ -76,8 +71,8 @@ impl Viewer {
                 .x_axis_label("pictures")
                 .legend(Legend::default().position(egui_plot::Corner::LeftTop));
             plot.show(ui, |plot| {
-                for (name, series) in &self.times.passes {
-                    let first = self.times.pictures - series.len();
+                for (name, series) in &self.passes {
+                    let first = self.pictures - series.len();
                     let points = series.iter().enumerate().filter(|(_, ms)| ms.is_finite());
                     let points: PlotPoints<'_> =
                         points.map(|(i, &ms)| [(first + i) as f64, ms]).collect();
@@ -88,7 +83,7 @@ impl Viewer {
                 ui,
                 |ui| {
                     let mut sum = 0.0;
-                    for (name, ms) in self.times.recent() {
+                    for (name, ms) in self.recent() {
                         ui.label(name);
                         ui.monospace(format!("{ms:8.2}"));
                         ui.end_row();
@@ -99,12 +94,6 @@ impl Viewer {
                     ui.end_row();
                 },
             );
-        }
-        // A browser has neither the threads nor the time for ground truth.
-        #[cfg(not(target_arch = "wasm32"))]
-        {
-            ui.separator();
-            self.error_plot(ui);
         }
     }
 }

@@ -8,12 +8,10 @@ use std::time::Duration;
 
 use web_time::Instant;
 
-use eframe::egui::{self, Align2, Color32, FontId, Rect, pos2, vec2};
 use glam::UVec2;
 
-use crate::Viewer;
 use crate::model::views::View;
-use crate::picture::viewport::Picture;
+use crate::picture::texture::Picture;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::camera_path::CameraPath;
@@ -169,9 +167,9 @@ pub(crate) struct Flipping {
     /// What the newest request draws; `None` if it is not to be kept.
     pub(crate) asked: Option<(Subject, Moment)>,
     /// When a picture was last kept during playback.
-    last: Option<Instant>,
+    pub(crate) last: Option<Instant>,
     /// Mean time from one to the next, s.
-    pace: Option<f64>,
+    pub(crate) pace: Option<f64>,
 }
 
 impl Flipping {
@@ -200,154 +198,11 @@ impl Flipping {
     }
 
     /// Records that playback has drawn another picture.
-    fn tick(&mut self) {
+    pub(crate) fn tick(&mut self) {
         let now = Instant::now();
         if let Some(last) = self.last.replace(now) {
             let passed = now.duration_since(last).as_secs_f64();
             self.pace = Some(self.pace.map_or(passed, |pace| 0.8 * pace + 0.2 * passed));
         }
-    }
-}
-
-impl Viewer {
-    /// The subject of the current book; `None` if there is nothing to play.
-    fn book_subject(&self) -> Option<Subject> {
-        let size = self.full_size();
-        if self.opened.frame_times.len() < 2 || size.min_element() == 0 {
-            return None;
-        }
-        let follows = self.eye.follow && !self.eye.path.keys.is_empty();
-        let viewpoint = match follows {
-            true => Viewpoint::Path(self.eye.path.clone()),
-            false => Viewpoint::Fixed(self.eye.camera),
-        };
-        Some(Subject {
-            scenes: self.visible().into_iter().map(|i| self.editing.scenes[i].clone()).collect(),
-            size,
-            view: self.picture.view,
-            processor: self.opened.frames.processor,
-            viewpoint,
-        })
-    }
-
-    /// The subject and the moment of the picture that should be shown.
-    pub(crate) fn page(&self) -> Option<(Subject, Moment)> {
-        Some((self.book_subject()?, self.frame_time()?.into()))
-    }
-
-    /// Whether each frame time of playback has kept pictures.
-    pub(crate) fn kept(&self) -> Vec<bool> {
-        let Some(subject) = self.book_subject() else {
-            return vec![false; self.opened.frame_times.len()];
-        };
-        let moments = self.opened.frame_times.iter().map(|&at| at.into());
-        self.flipping.book.holds(&subject, moments).collect()
-    }
-
-    /// The first frame time from the current one, in the direction of playback, whose pictures are not kept.
-    pub(crate) fn first_missing(&self) -> Option<usize> {
-        let (kept, index) = (self.kept(), self.playback.index());
-        let ahead = index..kept.len();
-        let order: Vec<usize> = match self.playback.backwards {
-            false => ahead.chain(0..index).collect(),
-            true => (0..=index).rev().chain((index + 1..kept.len()).rev()).collect(),
-        };
-        order.into_iter().find(|&i| !kept[i])
-    }
-
-    /// Shows the kept pictures of the current moment, if there are any.
-    pub(crate) fn flip(&mut self) {
-        self.flipping.judge(self.picture.resolution.full_ms(), 1e3 * self.playback.duration());
-        let page = self.page().filter(|_| self.flipping.needed);
-        let shown = page
-            .and_then(|(subject, at)| Some((at, self.flipping.book.get(&subject, at)?.clone())));
-        let Some((at, pictures)) = shown else {
-            self.flipping.shown = None;
-            return;
-        };
-        if self.flipping.shown != Some(at) {
-            self.jobs.log.event("flip", serde_json::json!({ "moment": self.playback.index() }));
-        }
-        self.flipping.shown = Some(at);
-        for (i, picture) in self.visible().into_iter().zip(pictures) {
-            self.editing.sides[i].picture = picture;
-        }
-    }
-
-    /// Whether playback draws the current frame at full size, to keep it.
-    pub(crate) fn fills_flipbook(&self) -> bool {
-        self.playback.playing
-            && !self.picture.dragging
-            && self.flipping.needed
-            && self.book_subject().is_some_and(|subject| !self.flipping.book.is_full(&subject))
-    }
-
-    /// Keeps the pictures of the newest request.
-    pub(crate) fn keep(&mut self, pictures: Vec<Picture>) {
-        let Some((subject, at)) = self.flipping.asked.take().filter(|_| self.flipping.needed)
-        else {
-            return;
-        };
-        let bytes = pictures.iter().map(Picture::bytes).sum();
-        self.flipping.book.keep(&subject, at, pictures, bytes);
-        match self.playback.playing {
-            true => self.flipping.tick(),
-            false => self.flipping.last = None,
-        }
-    }
-
-    /// The progress of the flipbook; `None` if it is not needed.
-    pub fn flipbook(&self) -> Option<Progress> {
-        if !self.flipping.needed {
-            return None;
-        }
-        let subject = self.book_subject()?;
-        // Fast motion leaves out frames.
-        let kept = self.kept();
-        let of_playback = || kept.iter().step_by(self.playback.speed().stride());
-        let (drawn, frames) = (of_playback().filter(|kept| **kept).count(), of_playback().count());
-        let missing = (frames - drawn) as f64;
-        let left = self.flipping.pace.map(|pace| Duration::from_secs_f64(missing * pace));
-        Some(Progress { drawn, frames, full: self.flipping.book.is_full(&subject), left })
-    }
-
-    /// The progress in words, for the status line.
-    pub(crate) fn flipbook_status(&self) -> Option<String> {
-        let Progress { drawn, frames, full, left } = self.flipbook()?;
-        let mebi = self.flipping.book.bytes() >> 20;
-        Some(match left {
-            _ if drawn == frames => format!("flipbook complete, {mebi} MiB"),
-            _ if full => format!("flipbook full: {drawn} of {frames} frames fit ({mebi} MiB)"),
-            Some(left) if self.playback.playing => {
-                format!("flipbook {drawn} of {frames}, {:.0} s left", left.as_secs_f64().ceil())
-            }
-            _ => format!("flipbook {drawn} of {frames}"),
-        })
-    }
-
-    /// Says on the picture what playback waits for while the flipbook fills.
-    pub(crate) fn flipbook_note(&self, ui: &egui::Ui, rect: Rect) {
-        let progress = self.flipbook().filter(|_| self.playback.playing);
-        let Some(Progress { drawn, frames, full: false, left }) = progress else { return };
-        if drawn == frames {
-            return;
-        }
-        let wait =
-            left.map_or(String::new(), |left| format!(" in {:.0} s", left.as_secs_f64().ceil()));
-        let text =
-            format!("Drawing each frame once: {drawn} of {frames}. Plays at its own speed{wait}.");
-        let painter = ui.painter().with_clip_rect(rect);
-        let font = FontId::proportional(13.0);
-        let text = painter.layout_no_wrap(text, font, Color32::from_gray(230));
-        let place = pos2(rect.center().x, rect.top() + 12.0);
-        let place = Align2::CENTER_TOP.anchor_size(place, text.size());
-        let back = place.expand2(vec2(10.0, 7.0));
-        painter.rect_filled(back, 5, Color32::from_black_alpha(170));
-        let bar =
-            Rect::from_min_max(pos2(back.left() + 6.0, back.bottom() - 4.0), back.right_bottom());
-        let share = drawn as f32 / frames as f32;
-        let bar = Rect::from_min_size(bar.min, vec2(share * (back.width() - 12.0), 2.0));
-        painter.rect_filled(bar, 1, crate::panels::style::accent(ui));
-        painter.galley(place.min, text, Color32::WHITE);
     }
 }

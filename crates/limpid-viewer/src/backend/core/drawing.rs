@@ -12,9 +12,9 @@ use eframe::egui::ColorImage;
 use glam::UVec2;
 use web_time::Instant;
 
-#[cfg(not(target_arch = "wasm32"))]
 use crate::backend::core::truth::{Point, Truth};
 use crate::model::level::Level;
+use crate::model::platform::IN_BROWSER;
 use crate::model::views::{Legend, Values, View};
 use limpid::Error::{Defect, DeviceLost};
 use limpid::camera::Camera;
@@ -84,7 +84,6 @@ pub struct Shown {
 }
 
 /// The error of a picture against a ground truth.
-#[cfg(not(target_arch = "wasm32"))]
 #[derive(Debug)]
 pub struct Measured {
     pub(crate) truth: Arc<Truth>,
@@ -105,7 +104,6 @@ pub enum Answer {
     /// A picture has been written.
     Saved(Result<PathBuf>),
     /// A picture has been compared with the ground truth.
-    #[cfg(not(target_arch = "wasm32"))]
     Measured(Result<Measured>),
 }
 
@@ -126,8 +124,7 @@ pub(crate) struct Drawer<O> {
 /// Number of devices to try for one request before it fails.
 const ATTEMPTS: usize = 3;
 
-/// Delay between a loss and the next device, while the driver resets.
-#[cfg(not(target_arch = "wasm32"))]
+/// Delay between a loss and the next device, while the driver resets: on a thread, which may wait.
 const PAUSE: std::time::Duration = std::time::Duration::from_millis(100);
 
 impl<O: AsyncFnMut() -> Result<Gpu>> Drawer<O> {
@@ -149,8 +146,9 @@ impl<O: AsyncFnMut() -> Result<Gpu>> Drawer<O> {
                 Err(Error::Render(DeviceLost(reason))) if left > 0 => {
                     self.offscreen = None;
                     told(DeviceEvent::Lost(reason));
-                    #[cfg(not(target_arch = "wasm32"))]
-                    std::thread::sleep(PAUSE);
+                    if !IN_BROWSER {
+                        std::thread::sleep(PAUSE);
+                    }
                 }
                 Err(error) => {
                     if matches!(error, Error::Render(DeviceLost(_) | Defect(_))) {

@@ -2,51 +2,50 @@
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, mpsc};
-#[cfg(not(target_arch = "wasm32"))]
 use std::time::Duration;
 
 use eframe::egui;
 
 use crate::backend::core::drawing::Answer;
-#[cfg(not(target_arch = "wasm32"))]
 use crate::backend::core::truth::Truth;
 use crate::model::document::Document;
 use limpid_io::bake::Progress;
-#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::camera_path::CameraPath;
 use limpid_io::error::{Error, Result};
 
-/// A message from a thread to the interface. Numbers identify the request.
-pub(crate) enum Message {
+/// A message from whoever works to the interface. Numbers identify the request.
+#[derive(Debug)]
+pub enum Message {
+    /// A source has been opened, or cannot be.
     Opened(u64, Box<Result<Document>>),
+    /// A frame of an opening's simulation has been made.
     Baked(u64, Progress),
+    /// The simulation of an opening has failed.
     NotBaked(u64, Error),
+    /// The source of an opening has been opened again: it has more frames.
     Grown(u64, Box<Result<Document>>),
+    /// An answer of whoever draws.
     Drawing(Answer),
+    /// A frame has been loaded, which the caches have.
     Loaded,
-    #[cfg(not(target_arch = "wasm32"))]
+    /// The path that was chosen in the system's dialog, and for how long that was shown.
     Chosen(Option<PathBuf>, Duration),
-    #[cfg(not(target_arch = "wasm32"))]
+    /// The ground truth of a view has been traced.
     Traced(u64, Box<Result<Truth>>),
+    /// A file has been written.
     Saved(Result<PathBuf>),
     /// Finished pictures of the film.
-    #[cfg(not(target_arch = "wasm32"))]
     Filmed(usize),
     /// The path of the film; `None` if it was stopped.
-    #[cfg(not(target_arch = "wasm32"))]
     FilmEnded(Result<Option<PathBuf>>),
-    #[cfg(not(target_arch = "wasm32"))]
+    /// A camera path has been read.
     Path(PathBuf, Result<CameraPath>),
     /// Something that the user should know.
-    #[cfg(target_arch = "wasm32")]
     Said(String),
-    /// The worker has ended, for this reason; without one its memory has run out.
-    #[cfg(target_arch = "wasm32")]
-    Crashed(Option<String>),
 }
 
 /// Sends messages from threads to the interface.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(crate) struct Post {
     sender: mpsc::Sender<Message>,
     // Set in the first frame of the interface, which reads messages anyway.
@@ -60,9 +59,14 @@ impl Post {
 
     pub(crate) fn send(&self, message: Message) {
         // Sending fails once the viewer is gone, when messages no longer matter.
-        if self.sender.send(message).is_ok()
-            && let Some(context) = self.context()
-        {
+        if self.sender.send(message).is_ok() {
+            self.wake();
+        }
+    }
+
+    /// Has the interface show what has changed.
+    pub(crate) fn wake(&self) {
+        if let Some(context) = self.context() {
             context.request_repaint();
         }
     }

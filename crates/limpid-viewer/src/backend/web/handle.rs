@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
 
 use js_sys::{Array, Function, Object, Uint8Array};
+use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::bake::Progress;
 use limpid_io::error::Error;
@@ -17,13 +18,14 @@ use wasm_bindgen::prelude::Closure;
 use wasm_bindgen::{JsCast as _, JsValue};
 use web_sys::{File, MessageEvent};
 
+use super::demos;
 use super::frame_cache::{FrameCache, Mirror};
 use super::wire::{
     Ask, Edits, PaneText, Tell, drawn, get, packed, set, text_of, told, unpacked, view_text,
 };
 use crate::backend::core::drawing::{Answer, Pane, Request};
 use crate::backend::core::messages::{Message, Post};
-use crate::model::demos;
+use crate::backend::core::truth::Truth;
 use crate::model::document::{Document, Source};
 
 /// Number of workers that may follow the first one, until the user opens something else.
@@ -31,20 +33,26 @@ const ATTEMPTS: usize = 3;
 
 /// The worker of a page, as a handle.
 #[derive(Clone)]
-pub(crate) struct Worker(Rc<Link>);
+pub(crate) struct Backend(Rc<Link>);
 
-impl std::fmt::Debug for Worker {
+impl std::fmt::Debug for Backend {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Worker")
+        f.write_str("Backend")
     }
 }
+
+/// The end of a worker: its reason; without one its memory has run out.
+#[derive(Debug)]
+pub(crate) struct Crash(pub(crate) Option<String>);
 
 struct Link {
     /// The functions of the page: see `PageOptions::host`.
     host: JsValue,
     worker: RefCell<Option<web_sys::Worker>>,
-    /// Whether its end has been reported.
+    /// Whether it has ended.
     ended: Cell<bool>,
+    /// Why, until that has been reported.
+    crash: RefCell<Option<Crash>>,
     /// Number of workers that may follow it.
     left: Cell<usize>,
     /// The opening that it is busy with.
@@ -60,12 +68,13 @@ struct Link {
     openings: RefCell<BTreeMap<u64, Arc<AtomicBool>>>,
 }
 
-impl Worker {
+impl Backend {
     pub(crate) fn new(host: JsValue, post: Post) -> Self {
         let link = Rc::new(Link {
             host,
             worker: RefCell::default(),
             ended: Cell::new(false),
+            crash: RefCell::default(),
             left: Cell::new(ATTEMPTS),
             busy: Cell::default(),
             post,
@@ -153,8 +162,14 @@ impl Worker {
     /// memory has run out.
     fn crashed(&self, reason: Option<String>) {
         if !self.0.ended.replace(true) {
-            self.0.post.send(Message::Crashed(reason));
+            *self.0.crash.borrow_mut() = Some(Crash(reason));
+            self.0.post.wake();
         }
+    }
+
+    /// The end of the worker, once.
+    pub(crate) fn take_crash(&self) -> Option<Crash> {
+        self.0.crash.take()
     }
 
     pub(crate) fn ask(&self, ask: &Ask) {
@@ -262,7 +277,7 @@ impl Worker {
     }
 
     /// Opens the source of an opening again.
-    pub(crate) fn grow(&self, number: u64) {
+    pub(crate) fn grow(&self, number: u64, _source: &Source) {
         self.ask(&Ask::Grow { number });
     }
 
@@ -288,12 +303,13 @@ impl Worker {
     pub(crate) fn cache(
         &self,
         document: &Document,
-        frame_times: &[FrameTime],
+        frame_times: &Arc<[FrameTime]>,
         scene: &Scene,
         processor: Processor,
         budget: u64,
-        ready: impl Fn() + 'static,
     ) -> FrameCache {
+        let post = self.0.post.clone();
+        let ready = move || post.send(Message::Loaded);
         let id = self.0.next_cache.get();
         self.0.next_cache.set(id + 1);
         let worker = self.clone();
@@ -307,6 +323,23 @@ impl Worker {
         self.ask(&Ask::Cache { id, document, frame_times, edits, processor, budget });
         cache
     }
+
+    /// Nothing: the worker opens a device as it starts.
+    pub(crate) fn prepare_device(&mut self, _processor: Processor) {}
+
+    /// Nothing: a browser has neither the threads nor the time for ground truth, which its panels do not offer.
+    pub(crate) fn trace(
+        &self,
+        _number: u64,
+        _document: Arc<Document>,
+        _scene: Scene,
+        _camera: Camera,
+        _at: FrameTime,
+    ) {
+    }
+
+    /// Nothing: there is no ground truth.
+    pub(crate) fn measure(&self, _pane: Pane, _truth: Arc<Truth>) {}
 
     fn pane(&self, pane: &Pane) -> Option<PaneText> {
         let frames = self.0.frames.borrow();

@@ -4,8 +4,7 @@
 //! screen come first.
 
 use std::cell::{Cell, RefCell};
-use std::collections::{BTreeMap, VecDeque};
-use std::io;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::rc::Rc;
@@ -16,13 +15,12 @@ use js_sys::{ArrayBuffer, Uint8Array};
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::memory;
-use limpid::offscreen::Offscreen;
-use limpid::scene::{Scene, Solid};
-use limpid_io::bake;
+use limpid::scene::Solid;
+use limpid_io::bake::{self, Progress};
 use limpid_io::error::{Error, Result};
-use limpid_io::files::given::{self, ReadAt};
+use limpid_io::files::given;
 use limpid_io::frame_cache::FrameCache;
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::Loaded;
 use limpid_io::particles::bgeo;
 use limpid_io::project::Project;
 use limpid_io::sequence::Sequence;
@@ -30,19 +28,20 @@ use limpid_io::shared_classifier::SharedClassifier;
 use limpid_sim::sim::{Simulation, Solver, State};
 use wasm_bindgen::prelude::Closure;
 use wasm_bindgen::{JsCast as _, JsValue};
-use wasm_bindgen_futures::{JsFuture, spawn_local};
-use web_sys::{
-    AbortController, DedicatedWorkerGlobalScope, File, FileReaderSync, MessageEvent, RequestInit,
-    Response, XmlHttpRequest, XmlHttpRequestResponseType,
-};
+use wasm_bindgen_futures::spawn_local;
+use web_sys::{AbortController, File, MessageEvent};
 
+use super::demos;
+use super::fetch::{fetched, fetched_at_once, give_file, root_of, scope, without_queries};
 use super::signal::{Signal, turn};
 use super::wire::{
-    Ask, DocumentText, LoadedText, PaneText, Tell, drawn_text, get, packed, text_of, unpacked, view,
+    Ask, DocumentText, LoadedText, PaneText, Tell, drawn_text, get, packed, unpacked, view,
 };
-use crate::backend::core::drawing::{self, DeviceEvent, Drawer, Pane, Request};
-use crate::backend::core::opening::simulated;
-use crate::model::demos;
+use crate::backend::core::drawing::{Answer, Pane, Request};
+use crate::backend::core::loading::Loader;
+use crate::backend::core::messages::Message;
+use crate::backend::core::opening::{self, Reports};
+use crate::backend::core::queue::{Artist, Job, Next, Queue};
 use crate::model::document::{Document, Source};
 
 /// Memory for a particle of a simulated frame, bytes: its record in the file, and its place in the list of them.
@@ -68,10 +67,6 @@ pub fn work() {
     spawn_local(worker.load());
 }
 
-fn scope() -> DedicatedWorkerGlobalScope {
-    js_sys::global().unchecked_into()
-}
-
 fn tell(message: &Tell) {
     tell_with(message, Vec::new());
 }
@@ -86,25 +81,10 @@ fn tell_with(message: &Tell, buffers: Vec<ArrayBuffer>) {
     let _ = scope().post_message_with_transfer(&message, &transfer);
 }
 
-/// A task that is never replaced by a newer one, in order.
-enum Job {
-    Save(Result<Pane>, String),
-    Lose,
-}
-
-/// A request for the screen, with the reason if it cannot be drawn.
-struct Wanted {
-    number: u64,
-    request: Result<Request>,
-}
-
 /// A cache of the page.
 struct Cache {
-    frames: FrameCache,
-    frame_times: Vec<FrameTime>,
-    input: Input,
-    /// The scene that particles are classified for.
-    scene: Scene,
+    cache: FrameCache,
+    loader: Loader,
     /// The document that it belongs to.
     document: Rc<Document>,
 }
@@ -137,9 +117,9 @@ struct Worker {
     caches: RefCell<BTreeMap<u64, Rc<Cache>>>,
     known: RefCell<BTreeMap<u64, Known>>,
     next_frame: Cell<u64>,
-    wanted: RefCell<Option<Wanted>>,
+    queue: RefCell<Queue>,
+    /// Whether pictures for the screen are being drawn.
     drawing: Cell<bool>,
-    jobs: RefCell<VecDeque<Job>>,
     baked: RefCell<BTreeMap<PathBuf, Baked>>,
     classifier: SharedClassifier,
     /// Whether a device has been opened, or cannot be.
@@ -171,39 +151,36 @@ impl Worker {
             Ask::Grow { number } => {
                 let source = self.sources.borrow().get(&number).cloned();
                 if let Some(source) = source {
-                    let document = self.opened(number, &source);
-                    tell(&Tell::Grown { number, document });
+                    let document = Box::new(self.opened(number, &source));
+                    self.say(&source, Message::Grown(number, document));
                 }
             }
             Ask::Cache { id, document, frame_times, edits, processor, budget } => {
                 let Some(document) = self.shown(document) else { return };
-                let input = document.input.clone().classified(self.classifier.clone());
-                let cache = Cache {
-                    frames: FrameCache::without_workers(frame_times.len(), budget),
-                    frame_times,
-                    input: input.processed_by(processor),
-                    scene: edits.apply(&document.project.scene),
-                    document,
-                };
-                self.caches.borrow_mut().insert(id, Rc::new(cache));
+                let scene = edits.apply(&document.project.scene);
+                let classifier = (&self.classifier, processor);
+                let loader = Loader::new(&document, frame_times.into(), scene, classifier);
+                let cache = FrameCache::without_workers(loader.times.len(), budget);
+                self.caches.borrow_mut().insert(id, Rc::new(Cache { cache, loader, document }));
             }
             Ask::Forget { frame } => drop(self.known.borrow_mut().remove(&frame)),
             Ask::Uncache { id } => drop(self.caches.borrow_mut().remove(&id)),
             Ask::Aim { id, at, step, looped } => {
                 if let Some(cache) = self.caches.borrow().get(&id) {
-                    cache.frames.aim(at, step, looped);
+                    cache.cache.aim(at, step, looped);
                 }
             }
             Ask::Draw { number, panes, level, view: text } => {
-                let panes = panes.iter().map(|pane| self.pane(pane)).collect();
+                let panes: Result<Vec<_>> = panes.iter().map(|pane| self.pane(pane)).collect();
                 let view = view(text);
-                let request = |panes| Request { number, panes, level, view };
-                let wanted = Wanted { number, request: Result::map(panes, request) };
-                *self.wanted.borrow_mut() = Some(wanted);
+                let request = panes.map(|panes| Request { number, panes, level, view });
+                let request = request.map_err(|error| answer(Answer::NotDrawn(number, error)));
+                self.queue.borrow_mut().request(request.ok());
             }
-            Ask::Save { pane, name } => {
-                self.jobs.borrow_mut().push_back(Job::Save(self.pane(&pane), name));
-            }
+            Ask::Save { pane, name } => match self.pane(&pane) {
+                Ok(pane) => self.queue.borrow_mut().push(Job::Save(pane, name.into(), None)),
+                Err(error) => answer(Answer::Saved(Err(error))),
+            },
             Ask::SaveScene { document, edits, camera, at, processor, name } => {
                 let Some(document) = self.shown(document) else { return };
                 let scene = edits.apply(&document.project.scene);
@@ -219,21 +196,42 @@ impl Worker {
                     Err(error) => tell(&Tell::NotSaved(error.to_string())),
                 }
             }
-            Ask::Lose => self.jobs.borrow_mut().push_back(Job::Lose),
+            Ask::Lose => self.queue.borrow_mut().push(Job::Lose),
         }
         self.changed.notify();
     }
 
     /// Opens the source of an opening.
-    fn opened(&self, number: u64, source: &Source) -> Result<DocumentText, String> {
+    fn opened(&self, number: u64, source: &Source) -> Result<Document> {
         tell(&Tell::Opening(number));
-        let document = Document::open(&without_queries(source));
-        let mut document = document.map_err(|error| error.to_string())?;
-        document.id = self.next_document.get();
-        self.next_document.set(document.id + 1);
-        let text = DocumentText::of(&document, source.clone());
-        self.documents.borrow_mut().insert(document.id, Rc::new(document));
-        Ok(text)
+        Document::open(&without_queries(source))
+    }
+
+    /// Tells the page of the opening of a source.
+    fn say(&self, source: &Source, message: Message) {
+        let text = |document: Result<Document>| {
+            let mut document = document.map_err(|error| error.to_string())?;
+            document.id = self.next_document.get();
+            self.next_document.set(document.id + 1);
+            let text = DocumentText::of(&document, source.clone());
+            self.documents.borrow_mut().insert(document.id, Rc::new(document));
+            Ok(text)
+        };
+        match message {
+            Message::Opened(number, document) => {
+                tell(&Tell::Opened { number, document: text(*document) });
+            }
+            Message::Grown(number, document) => {
+                tell(&Tell::Grown { number, document: text(*document) });
+            }
+            Message::Baked(number, Progress { done, frames, .. }) => {
+                tell(&Tell::Baked { number, done, frames });
+            }
+            Message::NotBaked(number, error) => {
+                tell(&Tell::NotBaked { number, error: error.to_string() });
+            }
+            _ => {}
+        }
     }
 
     /// The document that the page shows. It will never ask for those before.
@@ -275,56 +273,32 @@ impl Worker {
         {
             given::list(folder, names);
         }
-        let report = |document| tell(&Tell::Opened { number, document });
         tell(&Tell::Opening(number));
-        let project = simulated(&plain);
-        let simulation = project.as_ref().and_then(|project| project.source.simulation().cloned());
-        let (Some(project), Some(simulation)) = (project, simulation) else {
-            return report(self.opened(number, &source));
-        };
-        if let Err(error) = simulation.check() {
-            return report(Err(error.to_string()));
-        }
-        let folder = bake::folder(Path::new(&plain.input));
-        let solids = project.scene.solids;
-        let teller = Rc::new(Cell::new(Some(number)));
-        let same = self.baked.borrow().get(&folder).is_some_and(|old| {
-            // Two tasks would write the same frames.
-            old.number.set(None);
-            (&old.simulation, &old.solids) == (&simulation, &solids)
-        });
-        if !same {
-            given::take_back(&folder);
-        }
-        let baked = Baked {
-            simulation: simulation.clone(),
-            solids: solids.clone(),
-            number: teller.clone(),
-        };
-        self.baked.borrow_mut().insert(folder, baked);
-        let mut open = false;
-        let baked = self.bake(simulation, solids, source, teller, same, &mut open).await;
-        match baked.map_err(|error| error.to_string()) {
-            Ok(()) => {}
-            Err(error) if open => tell(&Tell::NotBaked { number, error }),
-            Err(error) => report(Err(error)),
-        }
+        let document = || self.opened(number, &source);
+        let report = |message| self.say(&source, message);
+        opening::open(number, &plain, document, report, async |project, reports| {
+            self.bake(number, project, &plain, reports).await
+        })
+        .await;
     }
 
-    /// Simulates all frames, or if it `goes_on` those that are missing, and tells each while the page wants it.
+    /// Simulates all frames, or if only some of them have been made the others, and reports each while the page wants it.
     async fn bake(
         &self,
-        simulation: Simulation,
-        solids: Vec<Solid>,
-        source: Source,
-        number: Rc<Cell<Option<u64>>>,
-        goes_on: bool,
-        open: &mut bool,
+        number: u64,
+        project: Project,
+        plain: &Source,
+        reports: &mut Reports<impl FnMut() -> Result<Document>, impl FnMut(Message)>,
     ) -> Result<()> {
-        let plain = without_queries(&source);
+        let Some(simulation) = project.source.simulation().cloned() else { return Ok(()) };
+        simulation.check()?;
+        let solids = project.scene.solids;
         let path = Path::new(&plain.input);
+        let folder = bake::folder(path);
+        let number = Rc::new(Cell::new(Some(number)));
+        let goes_on = self.takes_over(&folder, &simulation, &solids, &number);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        let file = |done| bake::frame_path(&bake::folder(path), &name, done);
+        let file = |done| bake::frame_path(&folder, &name, done);
         let exists = |done: &u32| goes_on && given::has(&file(*done));
         let frames = simulation.frames;
         let found = (1..=frames).take_while(exists).count() as u32;
@@ -333,7 +307,9 @@ impl Worker {
         memory::probe(simulation.memory(last.as_ref()), &name)?;
         let mut solver = Solver::new(&simulation, &solids, last);
         for done in found.max(1)..=frames {
-            let Some(opening) = number.get() else { return Ok(()) };
+            if number.get().is_none() {
+                return Ok(());
+            }
             if done > found {
                 let particles = solver.make(done);
                 memory::probe(particles.len().saturating_mul(FRAME_BYTES), &name)?;
@@ -342,15 +318,7 @@ impl Worker {
                 let bytes = bytes.map_err(|error| Error::io(&path, "write", error))?;
                 given::give_bytes(path, bytes);
             }
-            if !*open {
-                // The requested frames may be the last to be made.
-                let document = self.opened(opening, &source);
-                if document.is_ok() || done == frames {
-                    *open = true;
-                    tell(&Tell::Opened { number: opening, document });
-                }
-            }
-            tell(&Tell::Baked { number: opening, done, frames });
+            reports.progressed(Progress { done, frames, again: false });
             self.changed.notify();
             turn().await;
             // Pictures for the screen have a second turn for each frame.
@@ -359,6 +327,29 @@ impl Worker {
             }
         }
         Ok(())
+    }
+
+    /// Ends the simulation of a folder's frames in favour of another one; returns whether that makes the same frames. If
+    /// not, they are dropped.
+    fn takes_over(
+        &self,
+        folder: &Path,
+        simulation: &Simulation,
+        solids: &[Solid],
+        number: &Rc<Cell<Option<u64>>>,
+    ) -> bool {
+        let same = self.baked.borrow().get(folder).is_some_and(|old| {
+            // Two tasks would write the same frames.
+            old.number.set(None);
+            (&old.simulation, &*old.solids) == (simulation, solids)
+        });
+        if !same {
+            given::take_back(folder);
+        }
+        let (simulation, solids) = (simulation.clone(), solids.to_vec());
+        let baked = Baked { simulation, solids, number: number.clone() };
+        self.baked.borrow_mut().insert(folder.to_owned(), baked);
+        same
     }
 
     /// Fetches the file of a path, if it is a URL and not yet here, for as long as it is `wanted`. Failures are
@@ -387,7 +378,7 @@ impl Worker {
 
     /// Whether the page waits for a picture.
     fn is_wanted(&self) -> bool {
-        self.drawing.get() || self.wanted.borrow().is_some()
+        self.drawing.get() || self.queue.borrow().is_wanted()
     }
 
     /// Loads the frames of all caches, those first that are needed first.
@@ -396,19 +387,19 @@ impl Worker {
             let seen = self.changed.changes();
             turn().await;
             // The picture first: loading a frame holds it up.
-            if self.wanted.borrow().is_some() || !self.opened_device.get() {
+            if self.queue.borrow().is_wanted() || !self.opened_device.get() {
                 self.changed.after(seen).await;
                 continue;
             }
             let next = {
                 let caches = self.caches.borrow();
-                let ranked = caches.iter().filter_map(|(&id, cache)| {
-                    Some((cache.frames.next_rank()?, id, cache.clone()))
-                });
+                let ranked = caches
+                    .iter()
+                    .filter_map(|(&id, cache)| Some((cache.cache.next_rank()?, id, cache.clone())));
                 let mut ranked: Vec<_> = ranked.collect();
                 ranked.sort_by_key(|&(rank, id, _)| (rank, id));
                 ranked.into_iter().find_map(|(_, id, cache)| {
-                    let i = cache.frames.begin()?;
+                    let i = cache.cache.begin()?;
                     Some((id, cache, i))
                 })
             };
@@ -416,28 +407,28 @@ impl Worker {
                 self.changed.after(seen).await;
                 continue;
             };
-            let state = cache.frames.state();
+            let state = cache.cache.state();
             tell(&Tell::Cached { id, state });
             let wanted = || self.caches.borrow().contains_key(&id);
-            for path in cache.input.files_at(cache.frame_times[i]) {
+            for path in cache.loader.input.files_at(cache.loader.times[i]) {
                 self.fetch(path, wanted).await;
             }
             if !wanted() {
                 continue;
             }
-            let loaded = cache.input.finish_load(cache.frame_times[i], &cache.scene).await;
-            cache.frames.finish(i, loaded);
+            let loaded = cache.loader.load(i).await;
+            cache.cache.finish(i, loaded);
             self.tell_loaded(id, &cache, i);
         }
     }
 
     fn tell_loaded(&self, id: u64, cache: &Cache, i: usize) {
-        let outcome = match cache.frames.get(i) {
+        let outcome = match cache.cache.get(i) {
             Some(Ok(loaded)) => {
                 let document = &cache.document;
                 let source = &document.source.input;
                 if self.noticed.replace(source.clone()) != *source {
-                    for notice in document.notices(&loaded, &cache.scene) {
+                    for notice in document.notices(&loaded, &cache.loader.scene) {
                         tell(&Tell::Said(notice.to_string()));
                     }
                 }
@@ -455,7 +446,7 @@ impl Worker {
         if let Some(outcome) = outcome {
             tell(&Tell::Loaded { id, i, outcome });
         }
-        tell(&Tell::Cached { id, state: cache.frames.state() });
+        tell(&Tell::Cached { id, state: cache.cache.state() });
     }
 
     /// A picture's inputs.
@@ -471,146 +462,49 @@ impl Worker {
     async fn draw(self: Rc<Self>) {
         let classifier = self.classifier.clone();
         let opened = self.opened_device.clone();
-        let mut drawer = Drawer::new(async || {
+        let open = async || {
             classifier.set(None);
             let gpu = Gpu::request().await?;
             classifier.set(Some(&gpu));
             Ok(gpu)
+        };
+        let mut artist = Artist::new(open, answer, |path, bytes| {
+            tell_file(path.to_string_lossy().into_owned(), bytes);
+            Ok(())
         });
         // Particles may be classified on it; the first picture tells why there is none.
-        let _ = drawer.offscreen(&device_event).await;
+        artist.act(Next::Job(Job::Open)).await;
         opened.set(true);
         self.changed.notify();
         loop {
             let seen = self.changed.changes();
-            let wanted = self.wanted.borrow_mut().take();
-            self.drawing.set(wanted.is_some());
-            if let Some(Wanted { number, request }) = wanted {
-                match draw_wanted(&mut drawer, request).await {
-                    Ok(drawn) => {
-                        let (message, buffers) = drawn_text(&drawn);
-                        tell_with(&message, buffers);
-                    }
-                    Err(error) => {
-                        tell(&Tell::NotDrawn { number, error: error.to_string() });
-                    }
-                }
-                self.drawing.set(false);
-                self.changed.notify();
+            let next = self.queue.borrow_mut().next();
+            let Some(next) = next else {
+                self.changed.after(seen).await;
                 continue;
-            }
-            let job = self.jobs.borrow_mut().pop_front();
-            match job {
-                Some(Job::Save(pane, name)) => match saved(&mut drawer, pane, &name).await {
-                    Ok(bytes) => tell_file(name, &bytes),
-                    Err(error) => tell(&Tell::NotSaved(error.to_string())),
-                },
-                Some(Job::Lose) => {
-                    if let Ok(offscreen) = drawer.offscreen(&device_event).await {
-                        offscreen.gpu().device.destroy();
-                    }
-                }
-                None => self.changed.after(seen).await,
-            }
+            };
+            self.drawing.set(matches!(next, Next::Request(_)));
+            artist.act(next).await;
+            self.drawing.set(false);
+            self.changed.notify();
         }
     }
 }
 
-async fn draw_wanted(
-    drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
-    request: Result<Request>,
-) -> Result<drawing::Drawn> {
-    let request = request?;
-    let draw = async |offscreen: &mut Offscreen| drawing::draw(offscreen, &request).await;
-    drawer.attempt(&device_event, draw).await
-}
-
-async fn saved(
-    drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
-    pane: Result<Pane>,
-    name: &str,
-) -> Result<Vec<u8>> {
-    let (pane, path) = (pane?, Path::new(name));
-    let encode = async |offscreen: &mut Offscreen| drawing::encoded(offscreen, &pane, path).await;
-    drawer.attempt(&device_event, encode).await
-}
-
-/// The folder of a drop, which all its files are in; empty for a URL.
-fn root_of(input: &str) -> &Path {
-    let first = Path::new(input).components().next();
-    let first = first.map_or(Path::new(""), |first| Path::new(first.as_os_str()));
-    if first.to_string_lossy().ends_with(':') { Path::new("") } else { first }
-}
-
-/// A source as files are named: without the queries of its URLs.
-fn without_queries(source: &Source) -> Source {
-    let scene = source.scene.as_ref().map(|scene| scene.to_string_lossy());
-    Source {
-        input: given::without_query(&source.input),
-        scene: scene.map(|scene| given::without_query(&scene).into()),
-        ..source.clone()
-    }
-}
-
-fn device_event(event: DeviceEvent) {
-    let message = match event {
-        DeviceEvent::Opened(adapter) => Tell::Adapter(adapter),
-        DeviceEvent::Lost(reason) => Tell::Lost(reason),
-    };
-    tell(&message);
-}
-
-/// Gives a file of the page to all who read files.
-fn give_file(path: &str, file: File) {
-    let length = file.size() as u64;
-    let read: ReadAt = Rc::new(move |offset, buffer| {
-        let fail = |error: JsValue| io::Error::other(text_of(&error));
-        let (start, end) = (offset as f64, (offset + buffer.len() as u64) as f64);
-        let part = file.slice_with_f64_and_f64(start, end).map_err(fail)?;
-        let reader = FileReaderSync::new().map_err(fail)?;
-        let bytes = reader.read_as_array_buffer(&part).map_err(fail)?;
-        let bytes = Uint8Array::new(&bytes);
-        if bytes.length() as usize != buffer.len() {
-            return Err(io::Error::other("it changed while it was read"));
+/// Tells the page an answer of the one that draws.
+fn answer(answer: Answer) {
+    match answer {
+        Answer::Adapter(name) => tell(&Tell::Adapter(name)),
+        Answer::Lost(reason) => tell(&Tell::Lost(reason)),
+        Answer::Drawn(drawn) => {
+            let (message, buffers) = drawn_text(&drawn);
+            tell_with(&message, buffers);
         }
-        bytes.copy_to(buffer);
-        Ok(())
-    });
-    given::give(path, length, read);
-}
-
-/// Fetches a URL, waiting for the server, as a worker may: lists and small files, which are found while others are read.
-fn fetched_at_once(url: &str) -> io::Result<Vec<u8>> {
-    /// Longest wait, ms.
-    const PATIENCE: u32 = 60_000;
-    let fail = |error: JsValue| {
-        let problem = "the server cannot be reached, or does not let other sites read this (CORS)";
-        io::Error::other(format!("{problem}: {}", text_of(&error)))
-    };
-    let request = XmlHttpRequest::new().map_err(fail)?;
-    request.open_with_async("GET", url, false).map_err(fail)?;
-    request.set_timeout(PATIENCE);
-    request.set_response_type(XmlHttpRequestResponseType::Arraybuffer);
-    request.send().map_err(fail)?;
-    match request.status().unwrap_or_default() {
-        200..=299 => {
-            let body = request.response().map_err(fail)?;
-            Ok(Uint8Array::new(&body.unchecked_into::<ArrayBuffer>()).to_vec())
+        Answer::NotDrawn(number, error) => {
+            tell(&Tell::NotDrawn { number, error: error.to_string() });
         }
-        404 | 410 => Err(io::ErrorKind::NotFound.into()),
-        status => Err(io::Error::other(format!("the server answers {status}"))),
+        Answer::Saved(Err(error)) => tell(&Tell::NotSaved(error.to_string())),
+        // The page has been told with the file. Ground truth is measured on threads alone.
+        Answer::Saved(Ok(_)) | Answer::Measured(_) => {}
     }
-}
-
-/// Fetches a URL; `None` if that fails.
-async fn fetched(url: &str, abort: &AbortController) -> Option<Vec<u8>> {
-    let options = RequestInit::new();
-    options.set_signal(Some(&abort.signal()));
-    let answer = JsFuture::from(scope().fetch_with_str_and_init(url, &options)).await.ok()?;
-    let answer: Response = answer.unchecked_into();
-    if !answer.ok() {
-        return None;
-    }
-    let body = JsFuture::from(answer.array_buffer().ok()?).await.ok()?;
-    Some(Uint8Array::new(&body).to_vec())
 }

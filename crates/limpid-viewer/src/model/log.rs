@@ -75,7 +75,6 @@ impl Log {
     }
 
     /// Writes the last event.
-    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn close(&mut self) {
         let longest = times("longest_", self.longest);
         self.event("close", longest);

@@ -1,0 +1,210 @@
+//! The panels and the viewport: what each is given, and what becomes of the user's commands.
+
+use std::sync::Arc;
+
+use eframe::egui::{self, Color32};
+use limpid_io::frame_cache::CacheState;
+use limpid_io::notice::thousands;
+
+use crate::app::Viewer;
+use crate::backend::core::truth;
+use crate::model::demos::Demo;
+use crate::model::document::Source;
+use crate::model::platform::IN_BROWSER;
+use crate::panels::dialogs::{Dialog, Purpose};
+use crate::panels::error_plot::Present;
+use crate::panels::first_screen::FirstScreen;
+use crate::panels::settings::SettingsPanel;
+use crate::panels::side::{Tab, side_panel};
+use crate::panels::timeline::{Timeline, notice_line};
+use crate::panels::toolbar::Toolbar;
+use crate::panels::{Command, camera_panel};
+
+impl Viewer {
+    pub(super) fn show_toolbar(&mut self, ui: &mut egui::Ui) {
+        let mut commands = Vec::new();
+        let toolbar = Toolbar {
+            open: self.opened.document.is_some(),
+            help: self.interface.help,
+            dark: self.interface.dark,
+            panels: self.interface.panels,
+            view: self.picture.view,
+            lights: self.stage.editing.scene().lights.len(),
+            compare: &mut self.stage.editing.compare,
+        };
+        toolbar.show(ui, &mut commands);
+        self.obey(ui, commands);
+    }
+
+    pub(super) fn show_timeline(&mut self, ui: &mut egui::Ui) {
+        let mut commands = Vec::new();
+        let ahead = self.opened.frames.state();
+        let kept = match self.picture.flipping.needed {
+            true => self.picture.kept(&self.stage),
+            false => Vec::new(),
+        };
+        let kept: Vec<usize> = (0..kept.len()).filter(|&i| kept[i]).collect();
+        let timeline = Timeline {
+            document: self.opened.document.as_deref(),
+            opening: self.opened.pending(),
+            playback: &self.stage.playback,
+            frame_times: &self.stage.frame_times,
+            ahead: &ahead,
+            failed: &self.opened.failed,
+            kept: &kept,
+            keys: &self.stage.eye.path.keys,
+            facts: &self.facts(&ahead),
+            films: self.filming.is_some(),
+            adapter: self.interface.adapter.as_deref(),
+        };
+        timeline.show(ui, &mut commands);
+        self.obey(ui, commands);
+        notice_line(ui, &mut self.interface.notices);
+    }
+
+    /// The status line.
+    fn facts(&self, ahead: &CacheState) -> Vec<String> {
+        let side = self.picture.edited(&self.stage);
+        let mut facts = Vec::new();
+        if let Some(loaded) = &side.loaded {
+            facts.push(format!("{} particles", thousands(loaded.particles)));
+            facts.push(format!("{} splashes", thousands(loaded.splashes)));
+        } else if self.opened.document.is_some() {
+            facts.push("loading".to_owned());
+        }
+        if let Some(shown) = &side.picture.shown {
+            let (size, samples) = (shown.size, shown.samples);
+            facts.push(format!("{} × {}, {samples} per pixel", size.x, size.y));
+            facts.push(format!("drawn in {:.0} ms", shown.ms));
+        }
+        if let Some(progress) = self.opened.opening.as_ref().and_then(|opening| opening.progress) {
+            facts.push(format!("simulating, {} of {}", progress.done, progress.frames));
+        }
+        if self.stage.frame_times.len() > 1 {
+            let mebi = |bytes: u64| bytes >> 20;
+            facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
+        }
+        facts.extend(self.picture.flipbook_status(&self.stage));
+        if let Some(filming) = &self.filming {
+            facts.push(format!("film {} of {}", filming.done, filming.pictures));
+        }
+        facts
+    }
+
+    pub(super) fn show_side_panel(&mut self, ui: &mut egui::Ui) {
+        let mut commands = Vec::new();
+        let mut tab = self.interface.tab;
+        side_panel(ui, &mut tab, |ui, tab| match tab {
+            Tab::Settings => {
+                let Some(document) = &self.opened.document else { return };
+                let panel = SettingsPanel {
+                    document,
+                    editing: &mut self.stage.editing,
+                    refine: &mut self.picture.refine,
+                    processor: &mut self.stage.processor,
+                    log: &mut self.log,
+                };
+                panel.show(ui, &mut commands);
+            }
+            Tab::Camera => camera_panel(ui, &mut self.stage.eye, &mut commands),
+            Tab::Times => {
+                self.times.show(ui);
+                // A browser has neither the threads nor the time for ground truth.
+                if !IN_BROWSER {
+                    ui.separator();
+                    self.show_errors(ui, &mut commands);
+                }
+            }
+        });
+        self.interface.tab = tab;
+        self.obey(ui, commands);
+    }
+
+    fn show_errors(&mut self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
+        let scene = self.stage.editing.scene();
+        let loaded = self.picture.edited(&self.stage).loaded.as_ref();
+        let particles = loaded.map_or(0, |loaded| loaded.particles);
+        let document = self.opened.document.as_ref();
+        let at = self.stage.frame_time();
+        let truth = self.errors.truth.as_ref();
+        let present = Present {
+            missing: document.and_then(|document| truth::missing(document, scene, particles)),
+            is_loaded: loaded.is_some(),
+            is_traced: truth.is_some_and(|truth| truth.fits(scene, &self.stage.eye.camera, at)),
+            settings: &self.picture.fine_scene(&self.stage.editing).settings,
+        };
+        self.errors.show(ui, &present, commands);
+    }
+
+    pub(super) fn show_viewport(&mut self, ui: &mut egui::Ui) {
+        let fill = match self.interface.dark {
+            true => Color32::from_gray(12),
+            false => Color32::from_gray(200),
+        };
+        let mut commands = Vec::new();
+        egui::CentralPanel::default().frame(egui::Frame::NONE.fill(fill)).show(ui, |ui| {
+            let rect = ui.available_rect_before_wrap();
+            if !self.picture.resize(ui.ctx(), rect, &mut self.log) {
+                return;
+            }
+            if self.opened.document.is_some() {
+                return self.picture.show(ui, rect, &mut self.stage, &mut self.log);
+            }
+            let screen = FirstScreen {
+                opening: self.opened.pending(),
+                pictures: &mut self.interface.demos,
+                recent: self.interface.recent.inputs(),
+            };
+            screen.show(ui, rect, &mut commands);
+        });
+        self.obey(ui, commands);
+    }
+
+    /// Does what the user wants.
+    fn obey(&mut self, ui: &egui::Ui, commands: Vec<Command>) {
+        let ctx = ui.ctx().clone();
+        for command in commands {
+            match command {
+                Command::Act(action) => self.act(&ctx, action),
+                Command::Open(source) => self.open(source),
+                Command::OpenDemo(demo) => match Demo::source(demo) {
+                    Ok(source) => self.open(source),
+                    Err(error) => self.fail(&error),
+                },
+                Command::Adjust(adjustments) => {
+                    if let Some(document) = &self.opened.document {
+                        self.reopen(Source { adjustments, ..document.source.clone() });
+                    }
+                }
+                Command::TurnSun(adjustments) => {
+                    if let (Some(document), Some(sun)) =
+                        (&mut self.opened.document, adjustments.sun)
+                    {
+                        let document = Arc::make_mut(document);
+                        document.source.adjustments = adjustments;
+                        let scenes = [&mut document.plain, &mut document.project.scene];
+                        let edited = &mut self.stage.editing.scenes;
+                        scenes.into_iter().chain(edited).for_each(|scene| sun.apply(scene));
+                    }
+                }
+                Command::SetSpeed(speed) => self.set_speed(speed),
+                Command::SetView(view) => self.picture.set_view(view, &mut self.log),
+                Command::Seek(index) => self.seek(index),
+                Command::GoTo(key) => {
+                    self.stage.eye.set(key.camera);
+                    if let Some(document) = &self.opened.document {
+                        self.seek(document.nearest(&self.stage.frame_times, key.time));
+                    }
+                }
+                Command::LoadPath => {
+                    self.interface.dialog = Some(Dialog::new(Purpose::LoadPath, "camera.toml"));
+                }
+                Command::SavePath => {
+                    self.interface.dialog = Some(Dialog::new(Purpose::SavePath, "camera.toml"));
+                }
+                Command::StopFilm => self.filming.iter().for_each(|filming| filming.stop()),
+                Command::Trace => self.trace(),
+            }
+        }
+    }
+}

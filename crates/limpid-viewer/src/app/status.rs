@@ -1,0 +1,35 @@
+//! What is shown, for the page and its tests.
+
+use serde_json::{Value, json};
+
+use crate::app::Viewer;
+
+impl Viewer {
+    /// What is shown, as an object.
+    pub fn status(&self) -> Value {
+        let side = self.picture.edited(&self.stage);
+        let shown = side.picture.shown.as_ref();
+        json!({
+            "adapter": self.interface.adapter,
+            "opening": self.opened.pending(),
+            "open": self.opened.document.as_ref().map(|document| &document.source.input),
+            "frame": self.stage.frame_time().map(|at| at.frame),
+            "index": self.stage.playback.index(),
+            "frames": self.stage.playback.count(),
+            "playing": self.stage.playback.playing,
+            "particles": side.loaded.as_ref().map(|loaded| loaded.particles),
+            "atRest": self.is_at_rest(),
+            "pictures": self.picture.answered,
+            "size": self.picture.viewport_size.to_array(),
+            "shown": shown.map(|facts| json!({
+                "size": facts.size.to_array(), "samples": facts.samples, "ms": facts.ms,
+            })),
+            "passes": self.times.last().map(|(name, ms)| json!([name, ms])).collect::<Vec<_>>(),
+            "eye": self.stage.eye.camera.eye.to_array(),
+            "view": self.picture.view.label(),
+            "notices": self.notices().iter().map(|notice| {
+                json!({ "text": notice.text, "error": notice.error })
+            }).collect::<Vec<_>>(),
+        })
+    }
+}

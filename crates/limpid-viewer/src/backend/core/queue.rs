@@ -1,0 +1,217 @@
+//! What is to be drawn, in order, and what becomes of it.
+//!
+//! Of pictures for the screen only the newest request counts, and older ones are dropped; pictures to save and to
+//! measure are all drawn, in order.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use image::RgbImage;
+
+use crate::backend::core::drawing::{self, Answer, DeviceEvent, Drawer, Measured, Pane, Request};
+use crate::backend::core::truth::{Point, Truth};
+use crate::model::document::Document;
+use limpid::gpu::Gpu;
+use limpid::offscreen::Offscreen;
+use limpid_io::error::Result;
+use limpid_io::output::FileKind;
+
+/// The difference between a truth and a picture, 0 to 1.
+pub type Metric = fn(&RgbImage, &RgbImage) -> Result<f64>;
+
+/// A task that is never replaced by a newer one.
+#[derive(Debug)]
+pub enum Job {
+    /// Opens a device if there is none, to classify particles on it.
+    Open,
+    /// Draws a picture and writes it, unless it would overwrite part of the open document.
+    Save(Pane, PathBuf, Option<Arc<Document>>),
+    /// Draws a picture and compares it with the ground truth.
+    Measure(Pane, Arc<Truth>, Metric),
+    /// Loses the device, for tests.
+    Lose,
+}
+
+/// What is to be drawn.
+#[derive(Debug, Default)]
+pub struct Queue {
+    newest: Option<Request>,
+    jobs: VecDeque<Job>,
+    closed: bool,
+}
+
+/// What is to be done next.
+#[derive(Debug)]
+pub(crate) enum Next {
+    Request(Request),
+    Job(Job),
+}
+
+impl Queue {
+    /// Requests pictures for the screen, or none, in place of a request that has not begun.
+    pub(crate) fn request(&mut self, request: Option<Request>) {
+        self.newest = request;
+    }
+
+    pub(crate) fn push(&mut self, job: Job) {
+        self.jobs.push_back(job);
+    }
+
+    /// Drops all but the pictures to be saved.
+    pub fn close(&mut self) {
+        self.newest = None;
+        self.jobs.retain(|job| matches!(job, Job::Save(..)));
+        self.closed = true;
+    }
+
+    /// Whether nothing more will be added.
+    pub fn is_closed(&self) -> bool {
+        self.closed
+    }
+
+    /// Whether pictures for the screen are requested.
+    pub fn is_wanted(&self) -> bool {
+        self.newest.is_some()
+    }
+
+    /// What is to be done next: pictures for the screen first.
+    pub(crate) fn next(&mut self) -> Option<Next> {
+        self.newest.take().map(Next::Request).or_else(|| self.jobs.pop_front().map(Next::Job))
+    }
+}
+
+/// Draws what is in a queue.
+pub(crate) struct Artist<O, A, W> {
+    drawer: Drawer<O>,
+    answer: A,
+    write: W,
+}
+
+impl<O, A, W> Artist<O, A, W>
+where
+    O: AsyncFnMut() -> Result<Gpu>,
+    A: Fn(Answer),
+    W: Fn(&Path, &[u8]) -> Result<()>,
+{
+    /// `open` opens a device, `answer` is told what has been done, and `write` takes encoded pictures.
+    pub(crate) fn new(open: O, answer: A, write: W) -> Self {
+        Self { drawer: Drawer::new(open), answer, write }
+    }
+
+    pub(crate) async fn act(&mut self, next: Next) {
+        let Self { drawer, answer, write } = self;
+        let told = |event| {
+            answer(match event {
+                DeviceEvent::Opened(adapter) => Answer::Adapter(adapter),
+                DeviceEvent::Lost(reason) => Answer::Lost(reason),
+            });
+        };
+        let answered = match next {
+            Next::Request(request) => {
+                let draw =
+                    async |offscreen: &mut Offscreen| drawing::draw(offscreen, &request).await;
+                match drawer.attempt(&told, draw).await {
+                    Ok(drawn) => Answer::Drawn(drawn),
+                    Err(error) => Answer::NotDrawn(request.number, error),
+                }
+            }
+            Next::Job(Job::Open) => {
+                // The next picture reports why there is no device.
+                let _ = drawing::caught(drawer.offscreen(&told)).await;
+                return;
+            }
+            Next::Job(Job::Save(pane, path, open)) => {
+                let allowed =
+                    open.map_or(Ok(()), |open| open.check_output(&path, FileKind::PICTURE));
+                let save = async |offscreen: &mut Offscreen| {
+                    write(&path, &drawing::encoded(offscreen, &pane, &path).await?)
+                };
+                let saved = match allowed {
+                    Ok(()) => drawer.attempt(&told, save).await,
+                    Err(error) => Err(error),
+                };
+                Answer::Saved(saved.map(|()| path))
+            }
+            Next::Job(Job::Measure(pane, truth, metric)) => {
+                let measure = async |offscreen: &mut Offscreen| {
+                    measure(offscreen, &pane, &truth, metric).await
+                };
+                let point = drawer.attempt(&told, measure).await;
+                Answer::Measured(point.map(|point| Measured { truth, point }))
+            }
+            Next::Job(Job::Lose) => {
+                if let Ok(offscreen) = drawer.offscreen(&told).await {
+                    offscreen.gpu().device.destroy();
+                }
+                return;
+            }
+        };
+        answer(answered);
+    }
+}
+
+async fn measure(
+    offscreen: &mut Offscreen,
+    pane: &Pane,
+    truth: &Truth,
+    metric: Metric,
+) -> Result<Point> {
+    // The first picture may compile pipelines, so it is not timed.
+    drawing::picture(offscreen, pane, false).await?;
+    offscreen.renderer.forget();
+    let rendered = drawing::picture(offscreen, pane, false).await?;
+    let ms = rendered.passes.iter().map(|pass| pass.ms).sum();
+    let flip = metric(&truth.picture, &rendered.picture)?;
+    Ok(Point::new(&pane.scene.settings, ms, flip))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::level::Level;
+    use crate::model::views::View;
+    use glam::{DVec3, UVec2};
+    use limpid::camera::Camera;
+
+    fn request(number: u64) -> Request {
+        Request { number, panes: Vec::new(), level: Level::Draft, view: View::Picture }
+    }
+
+    fn save(name: &str) -> Job {
+        let camera = Camera::fit(-DVec3::ONE, DVec3::ONE);
+        let (scene, loaded) = Default::default();
+        Job::Save(Pane { scene, camera, loaded, size: UVec2::ONE }, name.into(), None)
+    }
+
+    fn done(queue: &mut Queue) -> Vec<String> {
+        let next = std::iter::from_fn(|| queue.next());
+        next.map(|next| match next {
+            Next::Request(request) => format!("request {}", request.number),
+            Next::Job(Job::Save(_, path, _)) => format!("save {}", path.display()),
+            Next::Job(job) => format!("{job:?}"),
+        })
+        .collect()
+    }
+
+    /// The newest request comes first and replaces older ones; tasks keep their order; a closed queue only saves.
+    #[test]
+    fn only_tasks_outlast_newer_requests() {
+        let filled = || {
+            let mut queue = Queue::default();
+            queue.push(save("a.png"));
+            queue.push(Job::Open);
+            queue.request(Some(request(1)));
+            queue.request(Some(request(2)));
+            queue.push(save("b.png"));
+            queue
+        };
+        let mut queue = filled();
+        assert!(queue.is_wanted());
+        assert_eq!(done(&mut queue), ["request 2", "save a.png", "Open", "save b.png"]);
+        let mut queue = filled();
+        queue.close();
+        assert_eq!(done(&mut queue), ["save a.png", "save b.png"]);
+        assert!(queue.is_closed());
+    }
+}

@@ -1,0 +1,57 @@
+//! Writing films, with a device of their own.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::UVec2;
+
+use limpid::frame::FrameInput;
+use limpid::offscreen::Offscreen;
+use limpid::scene::Scene;
+use limpid_io::device;
+use limpid_io::error::Result;
+use limpid_io::film::{Film, Shot};
+use limpid_io::input::{FrameTime, Input};
+use limpid_io::shared_classifier::SharedClassifier;
+
+/// The contents of a film.
+pub(crate) struct Script {
+    pub(crate) input: Input,
+    pub(crate) scene: Scene,
+    pub(crate) frame_times: Arc<[FrameTime]>,
+    pub(crate) shots: Vec<Shot>,
+    pub(crate) size: UVec2,
+    pub(crate) fps: f64,
+}
+
+/// Writes a film; `proceed` is called with the number of finished pictures and decides whether to go on. Returns
+/// whether the film is whole.
+pub(crate) fn write(
+    script: &Script,
+    path: &Path,
+    mut proceed: impl FnMut(usize) -> bool,
+) -> Result<bool> {
+    let Script { input, scene, frame_times, shots, size, fps } = script;
+    let mut film = Film::create(path, *size, *fps)?;
+    let gpu = device::open()?;
+    let input = input.clone().classified(SharedClassifier::on(&gpu));
+    let mut offscreen = Offscreen::new(&gpu);
+    // A still is loaded once.
+    let mut last = None;
+    for (done, shot) in (1..).zip(shots) {
+        let loaded = match last.take() {
+            Some((frame, loaded)) if frame == shot.frame => loaded,
+            _ => input.load(frame_times[shot.frame], scene)?,
+        };
+        let scene = loaded.scene(scene);
+        let input = FrameInput::new(&scene, &shot.camera, &loaded.splats, *size);
+        let frame = offscreen.draw(input)?;
+        film.push(&frame.picture)?;
+        last = Some((shot.frame, loaded));
+        if !proceed(done) {
+            return Ok(false);
+        }
+    }
+    film.finish()?;
+    Ok(true)
+}

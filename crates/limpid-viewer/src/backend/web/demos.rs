@@ -1,0 +1,42 @@
+//! The demos as files in memory, which the worker is given.
+
+use crate::model::demos::{DEMOS, Demo};
+use crate::model::document::Source;
+use limpid_io::error::Result;
+use limpid_io::files;
+
+/// The folder of the demos in a browser.
+pub(crate) const FOLDER: &str = "demos/";
+
+/// The scene that a page shows first.
+pub(crate) const FIRST_SOURCE: &str = "demos/demo.toml";
+
+/// Its files.
+const FIRST: [(&str, &[u8]); 2] = [
+    ("demos/demo.toml", limpid::sims::DEMO.as_bytes()),
+    ("demos/demo.bgeo", limpid::sims::DEMO_PARTICLES),
+];
+
+/// Gives the files of all demos to all who read files.
+pub(crate) fn give_all() {
+    for demo in &DEMOS {
+        files::given::give_bytes(demo.path(), demo.scene.as_bytes().to_vec());
+    }
+    for (path, bytes) in FIRST {
+        files::given::give_bytes(path, bytes.to_vec());
+    }
+}
+
+impl Demo {
+    /// The source of the demo: a scene file in memory, which the worker has been given.
+    ///
+    /// # Errors
+    /// None.
+    pub fn source(&self) -> Result<Source> {
+        Ok(Source::new(self.path()))
+    }
+
+    fn path(&self) -> String {
+        format!("{FOLDER}{}.toml", self.name)
+    }
+}
