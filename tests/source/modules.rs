@@ -2,7 +2,8 @@
 //! which gives readers an order.
 //!
 //! There is no cycle between folders, nor between the files of a folder. A file and the folder of the
-//! same name are one node: they may use each other.
+//! same name are one node: they may use each other. The crate root is a file like others: what it uses must not
+//! use it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -126,6 +127,9 @@ fn cycle(sources: &Sources) -> Option<String> {
     folders.iter().find_map(|folder| {
         let prefix = if folder.is_empty() { String::new() } else { format!("{folder}/") };
         let node = |module: &str| -> Option<String> {
+            if module.is_empty() && folder.is_empty() {
+                return Some("the crate root".to_owned());
+            }
             let name = module.strip_prefix(&prefix)?.split('/').next()?;
             (!name.is_empty()).then(|| format!("{prefix}{name}"))
         };
@@ -180,11 +184,12 @@ fn planted_cycles_are_found() {
     let sources = |files: &[(&str, &str)]| -> Sources {
         files.iter().map(|(module, text)| ((*module).into(), (*text).into())).collect()
     };
-    let planted: [&[(&str, &str)]; 4] = [
+    let planted: [&[(&str, &str)]; 5] = [
         &[("a", "use crate::b::B;"), ("b", "fn f() { crate::a::g() }")],
         &[("a/x", "use super::super::b;"), ("a", ""), ("b", "use crate::{c, a::{x::X}};")],
         &[("a", "mod x;\nmod y;"), ("a/x", "use super::y::Y;"), ("a/y", "use super::x::{X as Z};")],
         &[("a", "use crate::b;"), ("b", "use crate::c;"), ("c", "use crate::a;")],
+        &[("", "mod a;\nuse a::A;"), ("a", "use crate::Top;")],
     ];
     for files in planted {
         assert!(cycle(&sources(files)).is_some(), "{files:?}");
@@ -195,7 +200,7 @@ fn planted_cycles_are_found() {
             ("a", "use crate::b;"),
             ("b", "// use crate::a;\n#[cfg(test)]\nmod tests {use crate::a;}"),
         ],
-        &[("", "mod a;\nuse a::A;"), ("a", "use crate::Top;")],
+        &[("", "mod a;\npub use a::A;"), ("a", "use crate::a::x::X;"), ("a/x", "use crate::a::A;")],
     ];
     for files in clean {
         assert_eq!(cycle(&sources(files)), None, "{files:?}");
