@@ -11,7 +11,7 @@ const STEPS: u32 = 9u;          // along each
 const GROWTH: f32 = 1.75;       // of a step to the next
 const MIRRORED: u32 = 2u;       // directions of the coat's reflection
 
-// Light of the hemisphere, its reflection in the coat, the share of the body in the way times its albedo, and the disparity.
+// Light of the hemisphere, its reflection in the coat, and the share of the body in the way times its albedo.
 @group(1) @binding(5) var around: texture_storage_2d<rgba32uint, write>;
 
 struct Seen {
@@ -132,6 +132,6 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
     textureStore(
         around,
         p,
-        vec4u(packed_rgb(light), packed_rgb(mirrored), packed_shares(bounced), bitcast<u32>(body.disparity)),
+        vec4u(packed_rgb(light), packed_rgb(mirrored), packed_shares(bounced), 0u),
     );
 }

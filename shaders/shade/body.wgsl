@@ -36,9 +36,11 @@ fn around_of(p: vec2i, body: Body) -> Around {
     for (var i = 0; i < 16; i++) {
         let texel = clamp(p + vec2i(i & 3, i >> 2u) - 2, vec2i(0), last);
         let bits = textureLoad(around, texel, 0);
-        let disparity = bitcast<f32>(bits.w);
         let omega = camera_omega(vec2f(texel) + 0.5);
-        let is_same = disparity > 0.0 && abs(depth_below(body.front, omega, disparity)) <= most;
+        // Beside the liquid's tiles `around` has what it had.
+        let front = front_at(texel);
+        let disparity = max(dot(front, omega), 1e-20);
+        let is_same = !plane_is_empty(front) && abs(depth_below(body.front, omega, disparity)) <= most;
         let share = select(0.0, 1.0, is_same);
         sum.light += share * unpacked_rgb(bits.x);
         sum.mirrored += share * unpacked_rgb(bits.y);
