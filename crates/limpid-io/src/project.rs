@@ -4,6 +4,7 @@ mod bodies;
 mod commented;
 pub mod controls;
 mod file;
+mod lengths;
 mod mesh_sequence;
 mod mesh_source;
 mod motion;

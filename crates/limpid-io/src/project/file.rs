@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use super::bodies::{Bodies, BodiesFile};
+use super::lengths;
 use super::motion::SolidMotion;
 use super::sections::{
     BackgroundFile, EnvironmentFile, FluidFile, LiquidFile, LoadMap, SettingsFile,
@@ -111,17 +112,17 @@ impl Project {
         let at_line = |e: toml::de::Error| toml_error(text, origin, &e);
         let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
         let mut table = DeTable::parse(text).map_err(at_line)?;
+        let processor = take_processor(table.get_mut()).map_err(at_line)?;
+        let (camera_axes, view_axes) = take_camera_axes(table.get_mut()).map_err(at_line)?;
         // Which keys were given: the structs cannot tell.
         let given_keys = toml::Table::deserialize(toml::Deserializer::from(table.clone()));
         let given_keys = given_keys.map_err(at_line)?;
-        let processor = take_processor(table.get_mut()).map_err(at_line)?;
-        let (camera_axes, view_axes) = take_camera_axes(table.get_mut()).map_err(at_line)?;
         let mut file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(at_line)?;
         let camera_axes = camera_axes.of(file.camera.as_ref());
         for (view, axes) in file.view.iter_mut().zip(view_axes) {
             view.axes = axes.of(Some(&view.camera));
         }
-        given_keys.iter().try_for_each(|(key, value)| check_vectors(key, value)).map_err(fail)?;
+        lengths::check::<SceneFile>(&given_keys).map_err(fail)?;
         let mut automatic = automatic(&file, &given_keys);
         let floor = file.floor.as_ref().map(floor).transpose().map_err(fail)?;
         let mut solid_files = SolidFiles::with(given);
@@ -530,30 +531,4 @@ fn relative_to(folder: &Path, source: &Path) -> PathBuf {
     let here = if folder == Path::new("") { PathBuf::from(".") } else { folder.to_owned() };
     let source = absolute(source);
     source.strip_prefix(absolute(&here)).unwrap_or(&source).to_owned()
-}
-
-/// Fails for a vector with too many numbers, as by decimal commas; deserialization would silently use
-/// the first ones.
-fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
-    match value {
-        toml::Value::Table(table) => table
-            .iter()
-            .try_for_each(|(name, value)| check_vectors(&format!("{key}.{name}"), value)),
-        toml::Value::Array(values) => {
-            let limit = match key.rsplit('.').next() {
-                Some("wavelengths" | "half_extent") => 2,
-                Some("rotate" | "quaternion" | "intrinsics" | "pose") => 4,
-                _ => 3,
-            };
-            let numbers = values.iter().all(|v| v.is_integer() || v.is_float());
-            if numbers && values.len() > limit {
-                let count = values.len();
-                return Err(format!(
-                    "{key} has {count} numbers, expected {limit}; decimals have points, not commas"
-                ));
-            }
-            values.iter().try_for_each(|value| check_vectors(key, value))
-        }
-        _ => Ok(()),
-    }
 }

@@ -105,4 +105,6 @@ fn calibrated_cameras_are_read_from_files() {
         let error = parse(&text).unwrap_err().to_string();
         assert_contains(&error, &["expected 4", "points, not commas"]);
     }
+    let error = parse(&file(intrinsics, row).replace("480", "480, 0")).unwrap_err().to_string();
+    assert_contains(&error, &["camera.size has 3 numbers, expected 2"]);
 }
