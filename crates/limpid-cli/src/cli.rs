@@ -101,7 +101,7 @@ pub(crate) fn run(arguments: &[OsString]) -> anyhow::Result<u8> {
     signals::listen().map_err(limpid_io::Error::Threads)?;
     start_workers()?;
     match command {
-        Command::Render(args) => render::run(*args),
+        Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
         Command::View(args) => view::run(args),
         Command::Scene(args) => scene::run(&args),

@@ -4,11 +4,13 @@ mod args;
 mod beside;
 mod budget;
 mod console;
+mod destination;
 mod frame_loop;
 mod loader;
 mod manifest;
 mod output;
 mod pick;
+mod pictures;
 mod plan;
 mod queue;
 mod writing;
@@ -17,8 +19,8 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use crate::fingerprint::Fingerprints;
-use limpid::aov::Aov;
 use limpid::offscreen::Offscreen;
+use limpid::scene::Scene;
 use limpid_io::claim::Claims;
 use limpid_io::frames::FrameSpec;
 use limpid_io::overlay::Overlay;
@@ -28,99 +30,94 @@ use crate::pipeline_cache;
 use crate::signals;
 pub(crate) use args::Args;
 use console::Console;
-use frame_loop::{Clock, FrameLoop, Stats};
+use frame_loop::{FrameLoop, Stats};
 use loader::Loader;
 use manifest::{Log, Manifest};
 use output::Output;
+use pick::Pick;
 use plan::Plan;
 use queue::Queue;
 
 /// Exit code if some frames failed and others did not.
 const FAILED_CODE: u8 = 1;
 
-pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     if args.beside {
         return beside::run(args);
     }
-    let (input, frames) = args.inputs.resolve()?;
-    args.input = input;
-    args.frames = args.frames.or(frames);
-    let args = &args;
-    let mut plan = Plan::new(args)?;
-    output::check(args, &plan.shots)?;
-    let pick = pick::pick(args, &mut plan)?;
-    let (picked, opened, budget) = match pick {
-        Some(pick) => (Some(pick.picked), Some(pick.opened), pick.budget),
-        None => (None, None, None),
-    };
-    let Plan { input, scene, frame_times, shots, fps, notices, camera_up, overlay } = plan;
-    let stride = input.sequence.stride() as f64;
-    let rate = stride * input.fps().unwrap_or(fps);
-    let frozen = frame_times.len() == 1 && shots.len() > 1;
+    let plan = Plan::new(args)?;
+    let pick = pick::pick(&plan)?;
     // After a signal the current frame is finished, or the unfinished film removed.
     signals::finish_first();
-    let output = Output::open(args, shots.len(), fps)?;
-    let pictures = output.pictures().cloned();
+    draw(plan, pick)
+}
+
+/// Draws a plan's pictures, with the settings that were picked for it.
+fn draw(plan: Plan, pick: Option<Pick>) -> anyhow::Result<u8> {
+    let Plan { input, clock, overlay, drawing, sharing, .. } = plan;
+    let output = Output::open(plan.destination, drawing.size, plan.fps)?;
+    let scene = match &pick {
+        Some(pick) => Scene { settings: pick.settings.clone(), ..plan.scene },
+        None => plan.scene,
+    };
     // Computed before loading: a file that changes later must not match the picture.
-    let moves = args.aov.iter().flatten().any(|aov| matches!(aov, Aov::Motion)).then_some(rate);
-    let fingerprints = Fingerprints::new(&input, &frame_times, &scene, args.size, moves);
+    let moves = input.with_velocities.then_some(clock.rate);
+    let fingerprints = Fingerprints::new(&input, &clock.times, &scene, drawing.size, moves);
     let fingerprints = fingerprints.under(&overlay);
     let host = gethostname::gethostname().to_string_lossy().into_owned();
-    let claims = pictures.clone().filter(|_| args.claim);
-    let claims = claims.map(|pictures| (claims_of(args, &host), pictures));
-    let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
-    let keep_going = args.keep_going;
-    let bar = crate::terminal::progress(shots.len());
+    let claims = sharing.claim.map(|timeout| claims_of(&host, timeout));
+    let claims = claims.zip(output.pictures().cloned());
+    let manifest = plan.manifest.map(|path| Manifest::open(&path, host)).transpose()?;
+    let bar = crate::terminal::progress(plan.shots.len());
     let mut console = Console::new(bar.clone());
-    notices.iter().for_each(|notice| console.notice(notice));
-    if output.is_linear() && overlay != Overlay::default() {
+    plan.notices.iter().for_each(|notice| console.notice(notice));
+    if drawing.is_linear && overlay != Overlay::default() {
         console.line("--scale-bar and --axes are not drawn in an .exr, which holds light");
     }
-    let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
-    let shots: Vec<_> = args.shard.unwrap_or_default().of(shots).collect();
+    let pictures = output.pictures().cloned();
+    let mut log = Log { manifest, pictures, bar, keep_going: plan.keep_going, failed: Vec::new() };
+    let shots: Vec<_> = sharing.shard.of(plan.shots).collect();
     let requested = shots.len();
     let mut queue = Queue::new(shots, fingerprints.clone(), claims);
-    if args.skip_existing || args.claim {
+    if sharing.skip_existing {
         queue.skip(&mut log)?;
     }
-    if queue.is_empty() && requested == 0 {
-        console.line("there are no pictures in this share of the frames");
-        return Ok(crate::SUCCESS);
-    }
     if queue.is_empty() {
-        let existing = requested - log.failed.len();
-        console.line(&format!("{existing} of {requested} pictures already exist"));
-        return Ok(exit_code(log.failed, requested, ""));
+        return Ok(nothing_left(&console, log.failed, requested));
     }
     log.bar.set_length(queue.len() as u64);
 
     // With claims nothing is loaded ahead, since other processes may draw the next frames.
-    let memory = if args.claim { 0 } else { args.memory << 20 };
+    let memory = if sharing.claim.is_some() { 0 } else { plan.memory };
     let classifier = SharedClassifier::awaited();
-    let loader = Loader::new(input, classifier, &scene, &frame_times, queue.pending(), memory);
-    // The loader reads particles while the adapter is opened.
-    let opened = opened.map_or_else(pipeline_cache::open_adapter, Ok);
+    let loader = Loader::new(input, classifier, &scene, &clock.times, queue.pending(), memory);
+    let (picked, opened, budget) = match pick {
+        Some(pick) => (Some(pick.picked), Ok(pick.opened), pick.budget),
+        // The loader reads particles while the adapter is opened.
+        None => (None, pipeline_cache::open_adapter(), None),
+    };
     loader.classifier().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
     let (gpu, cache) = opened?;
-    let clock = Clock { times: frame_times, rate, stride, frozen };
     let (budget, offscreen) = match budget {
         Some((budget, offscreen)) => (Some(budget), offscreen),
         None => (None, Offscreen::new(&gpu)),
     };
     let mut frame_loop = FrameLoop {
-        args,
         scene,
-        camera_up,
+        drawing,
+        camera_up: plan.camera_up,
         offscreen,
         budget,
         fingerprints,
         clock,
         classifier: loader.classifier().clone(),
-        most_writing: writing::most(args, &output),
+        most_writing: writing::most(sharing.claim.is_some(), &output),
         output,
         writing: VecDeque::new(),
         overlay,
         stats: Stats { adapter: gpu.adapter(), picked, budget: None, frames: Vec::new() },
+        stats_path: plan.stats,
+        keep_going: plan.keep_going,
         console,
         failures: 0,
         since: Instant::now(),
@@ -139,15 +136,26 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     Ok(finish(frame_loop, log.failed, requested)?)
 }
 
+/// Says why none of `requested` pictures is drawn, some of which may have failed.
+fn nothing_left(console: &Console, failed: Vec<i64>, requested: usize) -> u8 {
+    if requested == 0 {
+        console.line("there are no pictures in this share of the frames");
+        return crate::SUCCESS;
+    }
+    let existing = requested - failed.len();
+    console.line(&format!("{existing} of {requested} pictures already exist"));
+    exit_code(failed, requested, "")
+}
+
 /// Claims in the name of this process.
-fn claims_of(args: &Args, host: &str) -> Claims {
+fn claims_of(host: &str, timeout: Duration) -> Claims {
     let version = env!("CARGO_PKG_VERSION");
     let owner = format!("limpid {version} on {host}, process {}\n", std::process::id());
-    Claims::new(owner, Duration::from_secs(args.claim_timeout))
+    Claims::new(owner, timeout)
 }
 
 /// Finishes the output of a run of `requested` frames, and prints what was written.
-fn finish(frame_loop: FrameLoop<'_>, failed: Vec<i64>, requested: usize) -> limpid_io::Result<u8> {
+fn finish(frame_loop: FrameLoop, failed: Vec<i64>, requested: usize) -> limpid_io::Result<u8> {
     let FrameLoop { output, stats, console, budget, .. } = frame_loop;
     let mut numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
     let others = requested.saturating_sub(numbers.len() + failed.len());
@@ -187,7 +195,7 @@ fn exit_code(failed: Vec<i64>, all: usize, done: &str) -> u8 {
 /// Draws the pictures of the queue until it is empty or a signal has been received. While the device
 /// draws a picture, previous ones are written, and the particles of the next are loaded and uploaded.
 fn draw_all(
-    frame_loop: &mut FrameLoop<'_>,
+    frame_loop: &mut FrameLoop,
     queue: &mut Queue,
     loader: &Loader,
     log: &mut Log,

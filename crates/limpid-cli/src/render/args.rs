@@ -1,18 +1,15 @@
 //! Arguments of `limpid render`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::UVec2;
 use limpid::aov::{self, Aov};
 use limpid::liquid::Up;
 use limpid::settings::Preset;
 use limpid_io::camera_axes::GivenCamera;
-use limpid_io::film;
 use limpid_io::frames::{FrameSpec, Shard};
 use limpid_io::input::Missing;
 use limpid_io::project::overrides;
-
-use super::pick;
 
 /// Alias that makes clap read the list as one argument; it would read a `Vec` as one per value.
 type AovList = Vec<Aov>;
@@ -21,12 +18,6 @@ type AovList = Vec<Aov>;
 pub(crate) struct Args {
     #[command(flatten)]
     pub(super) inputs: crate::shared_args::Inputs,
-    /// The input of `inputs`.
-    #[arg(skip)]
-    pub(super) input: Option<PathBuf>,
-    /// Further ones, with --beside.
-    #[arg(skip)]
-    pub(super) others: Vec<PathBuf>,
     /// Render the input's particles in this scene.
     #[arg(long)]
     pub(super) scene: Option<PathBuf>,
@@ -122,12 +113,12 @@ pub(crate) struct Args {
     /// counts as 10; the most accurate of equally fast ones. All other settings stay. The costs are
     /// measured once for an adapter and a size, and the choice is reported. Not for frames shared by
     /// several machines, whose choices may differ.
-    #[arg(long, value_name = "PX", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
+    #[arg(long, value_name = "PX", value_parser = parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     pub(super) max_error: Option<f64>,
     /// Draw the best picture within this device time per frame, in ms: chooses intersector, rays,
     /// bounces, smoothing and intervals for each frame by the times of those before, and reports
     /// the first choice and how many frames took longer. Not for frames shared by several machines.
-    #[arg(long, value_name = "MS", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
+    #[arg(long, value_name = "MS", value_parser = parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     pub(super) budget: Option<f64>,
     /// Measure anew what settings cost, for --max-error or --budget.
     #[arg(long)]
@@ -153,15 +144,13 @@ pub(crate) struct Args {
     pub(super) stats: Option<PathBuf>,
 }
 
-impl Args {
-    /// The output file, if it is a film.
-    pub(super) fn film_path(&self) -> Option<&Path> {
-        let path = self.output.as_deref()?;
-        film::FilmFormat::of(path).filter(|_| !path.is_dir()).map(|_| path)
-    }
-}
-
 fn parse_time(text: &str) -> Result<f64, &'static str> {
     let time = text.parse().ok().filter(|time: &f64| time.is_finite());
     time.ok_or("expected a time in frames, as 12 or 12.25")
+}
+
+/// Parses a number above 0.
+fn parse_limit(text: &str) -> Result<f64, &'static str> {
+    let limit = text.parse().ok().filter(|limit: &f64| limit.is_finite() && *limit > 0.0);
+    limit.ok_or("expected a number above 0")
 }

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -19,19 +20,20 @@ use limpid::scene::Scene;
 use limpid_io::Error;
 use limpid_io::error::Category;
 use limpid_io::film::Shot;
-use limpid_io::input::{FrameTime, Loaded};
+use limpid_io::input::Loaded;
 use limpid_io::notice::Notice;
 use limpid_io::output::{FileKind, write_atomically};
 use limpid_io::overlay::Overlay;
 use limpid_io::shared_classifier::SharedClassifier;
 use serde::Serialize;
 
-use super::args::Args;
 use super::budget::{Budget, BudgetStats, total_ms};
 use super::console::Console;
 use super::manifest::{Log, Outcome, Status};
-use super::output::{DrawnPicture, Output};
+use super::output::Output;
 use super::pick::Picked;
+use super::pictures::DrawnPicture;
+use super::plan::{Clock, Drawing};
 use super::queue::Job;
 use super::writing::{self, Writing};
 use crate::fingerprint::Fingerprints;
@@ -95,20 +97,9 @@ impl Written {
     }
 }
 
-/// The times at which particles are drawn.
-pub(super) struct Clock {
-    pub(super) times: Vec<FrameTime>,
-    /// Frame numbers per second.
-    pub(super) rate: f64,
-    /// Frame numbers per frame: a simulator may count its time steps.
-    pub(super) stride: f64,
-    /// Several pictures show one frame.
-    pub(super) frozen: bool,
-}
-
 /// The state of the render loop.
-pub(super) struct FrameLoop<'a> {
-    pub(super) args: &'a Args,
+pub(super) struct FrameLoop {
+    pub(super) drawing: Drawing,
     pub(super) scene: Scene,
     /// The axis that points up where the camera was given.
     pub(super) camera_up: Up,
@@ -127,6 +118,10 @@ pub(super) struct FrameLoop<'a> {
     /// Scale bar and axes of the pictures.
     pub(super) overlay: Overlay,
     pub(super) stats: Stats,
+    /// The file of `stats`.
+    pub(super) stats_path: Option<PathBuf>,
+    /// Whether the run continues after a failed frame.
+    pub(super) keep_going: bool,
     pub(super) console: Console,
     /// Number of consecutive failures of the device.
     pub(super) failures: u32,
@@ -134,10 +129,10 @@ pub(super) struct FrameLoop<'a> {
     pub(super) since: Instant,
 }
 
-impl FrameLoop<'_> {
+impl FrameLoop {
     /// Submits the drawing of a picture.
     pub(super) fn begin(&mut self, job: &mut Job, loaded: Arc<Loaded>) -> FrameInFlight {
-        let view = (&job.shot.camera, self.args.size);
+        let view = (&job.shot.camera, self.drawing.size);
         self.console.frame(&loaded, &self.scene, view, self.camera_up, &self.stats.adapter);
         let drawing = self.begin_drawing(job, &loaded);
         FrameInFlight { loaded, drawing }
@@ -145,27 +140,24 @@ impl FrameLoop<'_> {
 
     fn begin_drawing(&mut self, job: &mut Job, loaded: &Loaded) -> limpid_io::Result<Submitted> {
         let motion = self.motion(job, loaded);
-        let at_rest = self.clock.times.len() == 1;
-        let Self { args, scene, offscreen, output, console, budget, fingerprints, .. } = self;
-        let chosen = args.aov.as_deref().unwrap_or_default();
+        let Self { drawing, scene, offscreen, console, budget, fingerprints, .. } = self;
+        let chosen = drawing.aov.as_deref().unwrap_or_default();
         let interface =
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
         let rung = budget.as_ref().map(Budget::rung);
         if let Some(budget) = budget {
             scene.settings = budget.settings().clone();
-            job.fingerprint = budget.fingerprints(fingerprints, scene, args.size).of(&job.shot);
+            job.fingerprint = budget.fingerprints(fingerprints, scene, drawing.size).of(&job.shot);
         }
         let scene = loaded.scene(scene);
         let input = FrameInput {
             surface: chosen.iter().any(interface).then_some(&motion),
-            diagnose: args.aov.is_some(),
-            timing: args.stats.is_some() || args.budget.is_some(),
-            // A moving camera around particles at rest does not change the lights' maps.
-            reuse: at_rest
-                && (args.turntable.is_some() || args.camera_path.is_some() || args.views.is_some()),
-            ..FrameInput::new(&scene, &job.shot.camera, &loaded.splats, args.size)
+            diagnose: drawing.aov.is_some(),
+            timing: drawing.timing,
+            reuse: drawing.reuse,
+            ..FrameInput::new(&scene, &job.shot.camera, &loaded.splats, drawing.size)
         };
-        let drawing = match budget {
+        let pending = match budget {
             Some(budget) => budget.draw(offscreen, input)?,
             None => offscreen.begin(input)?,
         };
@@ -175,8 +167,8 @@ impl FrameLoop<'_> {
         }
         // Read back now, since the next picture overwrites them.
         let images = if chosen.is_empty() { Vec::new() } else { offscreen.images(chosen)? };
-        let radiance = output.is_linear().then(|| offscreen.radiance()).transpose()?;
-        Ok(Submitted { drawing, rung, images, radiance })
+        let radiance = drawing.is_linear.then(|| offscreen.radiance()).transpose()?;
+        Ok(Submitted { drawing: pending, rung, images, radiance })
     }
 
     /// The motion since the picture before. Before the first of several pictures, particles moved as they
@@ -264,7 +256,7 @@ impl FrameLoop<'_> {
     /// Writes `--stats`.
     pub(super) fn write_stats(&mut self) -> anyhow::Result<()> {
         self.stats.budget = self.budget.as_ref().map(Budget::stats);
-        let Some(path) = &self.args.stats else { return Ok(()) };
+        let Some(path) = &self.stats_path else { return Ok(()) };
         let text = serde_json::to_string_pretty(&self.stats)?;
         let write = |file: &mut BufWriter<&File>| file.write_all(text.as_bytes());
         Ok(write_atomically(path, FileKind::MEASUREMENTS, write)?)
@@ -279,7 +271,7 @@ impl FrameLoop<'_> {
     ) -> limpid_io::Result<(FrameStats, Writing)> {
         let FrameInFlight { loaded, drawing } = in_flight;
         match drawing.and_then(|drawing| self.write(job, &loaded, drawing)) {
-            Err(Error::Render(DeviceLost(_) | Defect(_))) if self.args.keep_going => {
+            Err(Error::Render(DeviceLost(_) | Defect(_))) if self.keep_going => {
                 let gpu = limpid_io::device::open()?;
                 self.classifier.set(Some(&gpu));
                 self.offscreen = Offscreen::new(&gpu);

@@ -13,7 +13,7 @@ use limpid_io::film::Shot;
 use limpid_io::output::{FileKind, Stream};
 use serde::Serialize;
 
-use super::output::Pictures;
+use super::pictures::Pictures;
 
 #[derive(Clone, Copy, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use limpid::gpu::Gpu;
 use limpid::offscreen::Offscreen;
+use limpid::settings::Settings;
 use limpid_io::project::overrides::replaced;
-use limpid_io::quality::{Curve, Limits, List, calibration};
+use limpid_io::quality::{Curve, List, calibration};
 use limpid_io::shared_classifier::Processor;
 use limpid_io::{Error, Result};
 use serde::Serialize;
 
-use super::Args;
 use super::budget::Budget;
 use super::plan::Plan;
 use crate::calibration_cache::CalibrationCache;
@@ -36,39 +36,33 @@ pub(super) struct Picked {
 /// A choice, and what was opened for it.
 pub(super) struct Pick {
     pub(super) picked: Picked,
+    /// The settings of the first picture.
+    pub(super) settings: Settings,
     pub(super) opened: (Gpu, Option<PipelineCache>),
     /// With a budget, and a renderer that has compiled the shaders of the first frame.
     pub(super) budget: Option<(Budget, Offscreen)>,
 }
 
-/// Applies the settings that satisfy the limits to the scene, and reports them; `None` without limits.
-pub(super) fn pick(args: &Args, plan: &mut Plan) -> Result<Option<Pick>> {
-    let limits = Limits { max_error: args.max_error, budget: args.budget };
-    if limits == Limits::default() {
-        if args.calibrate {
-            let problem = "--calibrate: measures for --max-error or --budget; give one of them";
-            return Err(Error::Usage(problem.into()));
-        }
-        return Ok(None);
-    }
+/// Picks the settings that satisfy the plan's limits, and reports them; `None` without limits.
+pub(super) fn pick(plan: &Plan) -> Result<Option<Pick>> {
+    let Some(limits) = plan.limits else { return Ok(None) };
     let curve = Curve::shipped();
     // Before the device is opened.
     curve.candidates(limits).map_err(by_option)?;
     let (gpu, pipelines) = pipeline_cache::open_adapter()?;
-    let (costs, origin) = costs(args, &gpu, curve, limits.list())?;
+    let (costs, origin) = costs(plan, &gpu, curve, limits.list())?;
     let choices = curve.choices(limits.list());
-    let (index, budget) = match limits.budget {
+    let (index, settings, budget) = match limits.budget {
         None => {
             let index = curve.fastest(limits, &costs).map_err(by_option)?;
-            plan.scene.settings = replaced(&plan.scene.settings, &choices[index].set)?;
-            (index, None)
+            (index, replaced(&plan.scene.settings, &choices[index].set)?, None)
         }
         Some(ms) => {
             let ladder = curve.ladder(limits, &costs).map_err(by_option)?;
             let costs = ladder.iter().map(|&i| costs[i]).collect();
             let sets = ladder.iter().map(|&i| choices[i].set.clone()).collect();
-            let (budget, offscreen) = start(args, plan, &gpu, ms, costs, sets)?;
-            (ladder[budget.rung()], Some((budget, offscreen)))
+            let (budget, offscreen) = start(plan, &gpu, ms, costs, sets)?;
+            (ladder[budget.rung()], budget.settings().clone(), Some((budget, offscreen)))
         }
     };
     let choice = &choices[index];
@@ -81,17 +75,18 @@ pub(super) fn pick(args: &Args, plan: &mut Plan) -> Result<Option<Pick>> {
         set.join(" ")
     ));
     let picked = Picked { set, error_px, flip, cost, ms };
-    Ok(Some(Pick { picked, opened: (gpu, pipelines), budget }))
+    Ok(Some(Pick { picked, settings, opened: (gpu, pipelines), budget }))
 }
 
 /// The costs of a list's choices, from an earlier run or measured now, and which of these, in words.
-fn costs(args: &Args, gpu: &Gpu, curve: &Curve, list: List) -> Result<(Vec<f64>, String)> {
-    let mut cache = CalibrationCache::open(gpu, curve, args.size);
-    let stored = cache.as_ref().filter(|_| !args.calibrate).and_then(|cache| cache.costs(list));
+fn costs(plan: &Plan, gpu: &Gpu, curve: &Curve, list: List) -> Result<(Vec<f64>, String)> {
+    let size = plan.drawing.size;
+    let mut cache = CalibrationCache::open(gpu, curve, size);
+    let stored = cache.as_ref().filter(|_| !plan.calibrate).and_then(|cache| cache.costs(list));
     if let Some(costs) = stored {
         return Ok((costs, "calibrated before (--calibrate measures anew)".into()));
     }
-    let (choices, size, begun) = (curve.choices(list), args.size, Instant::now());
+    let (choices, begun) = (curve.choices(list), Instant::now());
     terminal::remark(format!(
         "measuring {} choices of settings at {}x{}, once for this adapter and size",
         choices.len(),
@@ -105,25 +100,23 @@ fn costs(args: &Args, gpu: &Gpu, curve: &Curve, list: List) -> Result<(Vec<f64>,
     Ok((costs, format!("calibrated in {:.1} s", begun.elapsed().as_secs_f64())))
 }
 
-/// Finds the settings of the first picture for a budget, ms, and applies them. `costs` and `sets` are those of
+/// Finds the settings of the first picture for a budget, ms. `costs` and `sets` are those of
 /// the ladder.
 fn start(
-    args: &Args,
-    plan: &mut Plan,
+    plan: &Plan,
     gpu: &Gpu,
     budget: f64,
     costs: Vec<f64>,
     sets: Vec<Vec<String>>,
 ) -> Result<(Budget, Offscreen)> {
-    let Plan { input, scene, frame_times, shots, .. } = plan;
-    let at = frame_times[shots[0].frame];
+    let Plan { input, scene, clock, shots, .. } = plan;
+    let at = clock.times[shots[0].frame];
     // On the CPU: the classifier is not ready yet, and the choice does not depend on the processor.
     let loaded = input.clone().processed_by(Processor::Cpu).load(at, scene)?;
     let mut offscreen = Offscreen::new(gpu);
     let first = loaded.scene(scene).into_owned();
-    let view = (&shots[0].camera, args.size);
+    let view = (&shots[0].camera, plan.drawing.size);
     let budget = Budget::start(budget, costs, sets, &mut offscreen, first, &loaded.splats, view)?;
-    scene.settings = budget.settings().clone();
     Ok((budget, offscreen))
 }
 
@@ -133,10 +126,4 @@ fn by_option(error: Error) -> Error {
         Error::Usage(problem) => Error::Usage(format!("--{}", problem.replacen('_', "-", 1))),
         error => error,
     }
-}
-
-/// Parses a number above 0.
-pub(super) fn parse_limit(text: &str) -> std::result::Result<f64, &'static str> {
-    let limit = text.parse().ok().filter(|limit: &f64| limit.is_finite() && *limit > 0.0);
-    limit.ok_or("expected a number above 0")
 }

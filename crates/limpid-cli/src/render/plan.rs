@@ -1,7 +1,9 @@
-//! The plan of a run: scene, particles and pictures, from the arguments.
+//! The plan of a run, from the arguments.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
+use glam::UVec2;
 use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
@@ -10,24 +12,25 @@ use limpid::scene::Scene;
 use limpid_io::Error;
 use limpid_io::camera_path::{self, CameraPath};
 use limpid_io::film::{self, Motion, Shot};
-use limpid_io::frames::{FrameSpec, check_fps};
+use limpid_io::frames::{FrameSpec, Shard, check_fps};
 use limpid_io::input::{FrameTime, Input};
 use limpid_io::notice::{self, Notice};
 use limpid_io::open::Request;
 use limpid_io::overlay::Overlay;
+use limpid_io::quality::Limits;
 
 use super::Args;
+use super::destination::{Destination, film_path};
 use crate::standard;
 
 /// Frame rate if neither the arguments nor the scene have one, frames per second.
 pub(super) const DEFAULT_FPS: f64 = 30.0;
 
-/// A scene and its pictures.
+/// What a run draws, how, and where the pictures go: all that the arguments say, checked before the device is opened.
 pub(super) struct Plan {
     pub(super) input: Input,
     pub(super) scene: Scene,
-    /// The times at which particles are drawn.
-    pub(super) frame_times: Vec<FrameTime>,
+    pub(super) clock: Clock,
     /// The pictures of all shares.
     pub(super) shots: Vec<Shot>,
     /// Pictures per second.
@@ -37,13 +40,64 @@ pub(super) struct Plan {
     pub(super) camera_up: Up,
     /// Scale bar and axes of the pictures.
     pub(super) overlay: Overlay,
+    pub(super) drawing: Drawing,
+    /// What the settings are picked by, if they are.
+    pub(super) limits: Option<Limits>,
+    /// Whether the costs of settings are measured anew.
+    pub(super) calibrate: bool,
+    pub(super) destination: Destination,
+    pub(super) sharing: Sharing,
+    /// Whether the run continues after a failed frame.
+    pub(super) keep_going: bool,
+    /// The file of the frames' outcomes.
+    pub(super) manifest: Option<PathBuf>,
+    /// The file of adapter, counts and times.
+    pub(super) stats: Option<PathBuf>,
+    /// Memory for frames loaded ahead, bytes.
+    pub(super) memory: u64,
+}
+
+/// The times at which particles are drawn.
+pub(super) struct Clock {
+    pub(super) times: Vec<FrameTime>,
+    /// Frame numbers per second.
+    pub(super) rate: f64,
+    /// Frame numbers per frame: a simulator may count its time steps.
+    pub(super) stride: f64,
+    /// Several pictures show one frame.
+    pub(super) frozen: bool,
+}
+
+/// How each picture is drawn.
+pub(super) struct Drawing {
+    /// Width and height, pixels.
+    pub(super) size: UVec2,
+    /// Intermediate images to be written.
+    pub(super) aov: Option<Vec<Aov>>,
+    /// Whether linear radiance is written.
+    pub(super) is_linear: bool,
+    /// Whether passes are timed.
+    pub(super) timing: bool,
+    /// Whether passes whose inputs are those of the picture before are left out.
+    pub(super) reuse: bool,
+}
+
+/// How the pictures are shared among processes.
+pub(super) struct Sharing {
+    /// The share of this one.
+    pub(super) shard: Shard,
+    /// Whether pictures that are complete are not drawn again.
+    pub(super) skip_existing: bool,
+    /// If pictures are claimed, the time after which a claim that was not renewed is taken over.
+    pub(super) claim: Option<Duration>,
 }
 
 impl Plan {
     pub(super) fn new(args: &Args) -> limpid_io::Result<Self> {
+        let (path, named) = args.inputs.resolve()?;
+        let frames = args.frames.as_ref().or(named.as_ref());
         let framing = Framing { all_round: args.turntable.is_some(), ..Framing::of(args.size) };
-        let request = request(args, args.input.clone(), framing);
-        let opened = standard::open(&request)?;
+        let opened = standard::open(&request(args, path.clone(), framing))?;
         let camera = opened.project.camera_for(Default::default());
         let incomplete = opened.project.solid_files.remarks.clone();
         let (mut input, scene) = (opened.input, opened.project.scene);
@@ -53,14 +107,67 @@ impl Plan {
         };
         input.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
         let overlay = overlay(args, &input);
-        let (frame_times, numbers, fps) = frame_times(args, &input)?;
+        let (times, numbers, fps) = frame_times(args, frames, &input)?;
         if !args.keep_going {
-            input.check_files(&frame_times)?;
+            input.check_files(&times)?;
         }
         let shots = shots(args, camera, input.up().0, &numbers, fps)?;
-        let mut notices = notices(args, &input, numbers.len());
+        let mut notices = notices(args, frames, &input, numbers.len());
         notices.extend(incomplete.into_iter().map(Notice::Incomplete));
-        Ok(Self { input, scene, frame_times, shots, fps, notices, camera_up, overlay })
+        let destination = Destination::new(args, path.as_slice(), &shots)?;
+        let stride = input.sequence.stride() as f64;
+        let rate = stride * input.fps().unwrap_or(fps);
+        let clock = Clock { rate, stride, frozen: times.len() == 1 && shots.len() > 1, times };
+        Ok(Self {
+            camera_up,
+            overlay,
+            drawing: drawing(args, &clock, &destination),
+            limits: limits(args)?,
+            calibrate: args.calibrate,
+            sharing: sharing(args),
+            keep_going: args.keep_going,
+            manifest: args.manifest.clone(),
+            stats: args.stats.clone(),
+            memory: args.memory << 20,
+            input,
+            scene,
+            clock,
+            shots,
+            fps,
+            notices,
+            destination,
+        })
+    }
+}
+
+fn drawing(args: &Args, clock: &Clock, destination: &Destination) -> Drawing {
+    let moves = args.turntable.is_some() || args.camera_path.is_some() || args.views.is_some();
+    Drawing {
+        size: args.size,
+        aov: args.aov.clone(),
+        is_linear: destination.is_linear(),
+        timing: args.stats.is_some() || args.budget.is_some(),
+        // A moving camera around particles at rest does not change the lights' maps.
+        reuse: moves && clock.times.len() == 1,
+    }
+}
+
+/// The limits that settings are picked by.
+fn limits(args: &Args) -> limpid_io::Result<Option<Limits>> {
+    let limits = Limits { max_error: args.max_error, budget: args.budget };
+    let has_limits = limits != Limits::default();
+    if args.calibrate && !has_limits {
+        let problem = "--calibrate: measures for --max-error or --budget; give one of them";
+        return Err(Error::Usage(problem.into()));
+    }
+    Ok(Some(limits).filter(|_| has_limits))
+}
+
+fn sharing(args: &Args) -> Sharing {
+    Sharing {
+        shard: args.shard.unwrap_or_default(),
+        skip_existing: args.skip_existing || args.claim,
+        claim: args.claim.then(|| Duration::from_secs(args.claim_timeout)),
     }
 }
 
@@ -93,9 +200,9 @@ pub(super) fn overlay(args: &Args, input: &Input) -> Overlay {
     Overlay { scale_bar: middle.filter(|_| args.scale_bar), axes: args.axes.then(|| input.up().0) }
 }
 
-/// The frames of an input that are asked for.
-pub(super) fn spec(args: &Args, input: &Input) -> FrameSpec {
-    match (&args.frames, input.frame) {
+/// The frames of an input, of which `asked` are asked for.
+pub(super) fn spec(asked: Option<&FrameSpec>, input: &Input) -> FrameSpec {
+    match (asked, input.frame) {
         (Some(spec), _) => spec.clone(),
         (None, Some(frame)) => FrameSpec::list([frame]),
         (None, None) => FrameSpec::All,
@@ -115,8 +222,12 @@ pub(super) fn speed(args: &Args) -> limpid_io::Result<f64> {
 ///
 /// These are the sequence's frames, unless the film has another time scale: then frame times at equal
 /// steps, numbered from 1.
-fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>, Vec<i64>, f64)> {
-    let mut frames = spec(args, input).numbers(&input.sequence, input.missing)?;
+fn frame_times(
+    args: &Args,
+    asked: Option<&FrameSpec>,
+    input: &Input,
+) -> limpid_io::Result<(Vec<FrameTime>, Vec<i64>, f64)> {
+    let mut frames = spec(asked, input).numbers(&input.sequence, input.missing)?;
     input.check_frames(&frames)?;
     let fps = args.fps.or(input.fps()).unwrap_or(DEFAULT_FPS);
     check_fps(fps)?;
@@ -144,13 +255,13 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
 }
 
 /// Notices about the sequence.
-fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
+fn notices(args: &Args, asked: Option<&FrameSpec>, input: &Input, pictures: usize) -> Vec<Notice> {
     let single = args.at.is_some() || input.frame.is_some();
-    let all = matches!(args.frames, None | Some(FrameSpec::All)) && !single;
+    let all = matches!(asked, None | Some(FrameSpec::All)) && !single;
     let gaps = notice::of_sequence(input).filter(|_| all);
-    let steps = args.frames.as_ref().filter(|_| !single);
+    let steps = asked.filter(|_| !single);
     let steps = steps.and_then(|spec| notice::of_selection(spec, &input.sequence, pictures));
-    let timed = args.film_path().is_some()
+    let timed = film_path(args).is_some()
         || args.speed.is_some()
         || args.camera_path.is_some()
         || args.turntable.is_some();
@@ -177,7 +288,7 @@ pub(super) fn shots(
             format!("--views: {} frames; choose one of them with --frames", numbers.len());
         return Err(Error::Usage(problem));
     }
-    if (motion != Motion::Still || args.film_path().is_some()) && !numbers.is_sorted() {
+    if (motion != Motion::Still || film_path(args).is_some()) && !numbers.is_sorted() {
         let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
         return Err(Error::Usage(format!("--frames: {problem}")));
     }

@@ -9,7 +9,7 @@ use limpid_io::film::Shot;
 use rayon::prelude::*;
 
 use super::manifest::{Log, Status};
-use super::output::Pictures;
+use super::pictures::Pictures;
 use crate::signals;
 
 /// Interval at which the pictures claimed by other processes are checked.

@@ -5,8 +5,8 @@ use std::thread::JoinHandle;
 use limpid_io::Error;
 use limpid_io::film::Shot;
 
-use super::Args;
-use super::output::{DrawnPicture, Output};
+use super::output::Output;
+use super::pictures::DrawnPicture;
 
 /// Memory for pictures that are being written, bytes; a single one may take more.
 pub(super) const MEMORY: usize = 256 << 20;
@@ -21,10 +21,10 @@ pub(super) enum Writing {
     Done(u32),
 }
 
-/// The most pictures to write at a time. Encoding takes longer than a graphics card draws.
-pub(super) fn most(args: &Args, output: &Output) -> usize {
+/// The most pictures to write at a time, which may be claimed. Encoding takes longer than a graphics card draws.
+pub(super) fn most(are_claimed: bool, output: &Output) -> usize {
     // A process holds two claims at most, and a film takes its pictures in order.
-    if args.claim || output.pictures().is_none() {
+    if are_claimed || output.pictures().is_none() {
         return 0;
     }
     std::thread::available_parallelism().map_or(1, usize::from)
