@@ -25,7 +25,7 @@ use limpid::liquid::classify::Splats;
 use limpid::mesh::{Mesh, MeshData, Placement};
 use limpid::offscreen::Offscreen;
 use limpid::scene::{Scene, Shape, Solid, Surface};
-use limpid_io::input::Input;
+use limpid_io::input::{Input, Loader};
 use limpid_io::project::Project;
 
 use options::Options;
@@ -150,7 +150,7 @@ struct Subject {
 }
 
 impl Subject {
-    fn load(input: &Input, project: Project) -> limpid_io::Result<Self> {
+    fn load(input: &Loader, project: Project) -> limpid_io::Result<Self> {
         let loaded = input.load(&input.sequence.frames[0], &project.scene)?;
         let camera = project.camera_for(loaded.bulk.bounds);
         Ok(Self { scene: project.scene, camera, splats: loaded.splats })

@@ -44,8 +44,8 @@ fn main() -> limpid_io::Result<()> {
 fn write(name: &str, folder: &Path) -> limpid_io::Result<()> {
     let scene =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("sims/{name}.toml"));
-    let input = Input::open(scene)?;
-    let bare = input.particles(&input.sequence.frames[0])?;
+    let loader = Input::open(scene)?.loader;
+    let bare = loader.particles(&loader.sequence.frames[0])?;
     let count = bare.len();
     let particles = Particles {
         velocities: Some(bare.positions.iter().map(|x| 0.1 * *x).collect()),

@@ -135,7 +135,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
 /// The axis that points up in an input, as for its pictures, and y if that cannot be found out; says so if it is not y.
 fn likely_up(input: Input, args: &Args) -> Up {
     let resolved = input.with_options(&args.reading.options()).resolve();
-    let (up, from) = resolved.map_or_else(|_| Default::default(), |(input, _)| input.up());
+    let (up, from) = resolved.map_or_else(|_| Default::default(), |(loader, _)| loader.up());
     if up != Up::Y {
         let (input, from) = (args.input.display(), from.word());
         terminal::remark(format!(

@@ -22,7 +22,7 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::scene::Scene;
 use limpid_io::film::Shot;
-use limpid_io::input::{FrameTime, Input, Missing, Origin};
+use limpid_io::input::{FrameTime, Loader, Missing, Origin};
 use limpid_io::overlay::Overlay;
 use limpid_io::project::SolidMotion;
 use limpid_io::{exr, files};
@@ -132,19 +132,20 @@ impl Fingerprints {
     /// files of all frame times. `moves` is the number of frame numbers per second, if motion vectors are
     /// written.
     ///
-    /// `input` and `scene` must be resolved ([`Input::resolve`]).
+    /// `loader` and `scene` must be resolved, as by [`limpid_io::input::Input::resolve`].
     pub(crate) fn new(
-        input: &Input,
+        loader: &Loader,
         frame_times: &[FrameTime],
         scene: &Scene,
         size: UVec2,
         moves: Option<f64>,
     ) -> Self {
         let frame_times = frame_times.par_iter().map(|&at| {
-            let origins = input.origins(at);
+            let origins = loader.origins(at);
             let parts = origins.iter().map(describe);
             let fraction = format!("{:x}", at.fraction.to_bits());
-            let motion = input.motion().map(|motion| describe_motion(motion, at, input.missing));
+            let motion = loader.motion();
+            let motion = motion.map(|motion| describe_motion(motion, at, loader.missing));
             let parts: Vec<String> = parts.chain([fraction]).chain(motion).collect();
             Fingerprint::over(parts.iter().map(String::as_bytes))
         });
@@ -240,6 +241,7 @@ fn stamp(path: &Path) -> (PathBuf, u64, u128) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use limpid_io::input::Input;
     use limpid_io::particles::ReadOptions;
 
     /// A picture of other particles of a file, or of other arrays, is another one.
@@ -253,7 +255,7 @@ mod tests {
             };
             let input = Input::from_memory(Path::new("a.csv"), "a.csv", b"x,y,z,a,b\n".to_vec());
             let input = input.with_options(&options);
-            input.origins(FrameTime::at(0)).iter().map(describe).collect::<Vec<_>>()
+            input.loader.origins(FrameTime::at(0)).iter().map(describe).collect::<Vec<_>>()
         };
         let different = [
             described("all", "radius=a"),

@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let input = match input.clone().resolve() {
         Ok((resolved, _)) => resolved,
         Err(error @ Error::Render(limpid::Error::Memory { .. })) => return Err(error.into()),
-        Err(_) => input,
+        Err(_) => input.loader,
     };
     let frames = &input.sequence.frames;
     let chosen = match args.frames.as_ref().or(named.as_ref()) {

@@ -1,12 +1,12 @@
 //! The command `limpid render`.
 
+mod ahead;
 mod args;
 mod beside;
 mod budget;
 mod console;
 mod destination;
 mod frame_loop;
-mod loader;
 mod manifest;
 mod output;
 mod pick;
@@ -28,10 +28,10 @@ use limpid_io::shared_classifier::SharedClassifier;
 
 use crate::pipeline_cache;
 use crate::signals;
+use ahead::Ahead;
 pub(crate) use args::Args;
 use console::Console;
 use frame_loop::{FrameLoop, Stats};
-use loader::Loader;
 use manifest::{Log, Manifest};
 use output::Output;
 use pick::Pick;
@@ -54,15 +54,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
 
 /// Draws a plan's pictures, with the settings that were picked for it.
 fn draw(plan: Plan, pick: Option<Pick>) -> anyhow::Result<u8> {
-    let Plan { input, clock, overlay, drawing, sharing, .. } = plan;
+    let Plan { loader, clock, overlay, drawing, sharing, .. } = plan;
     let output = Output::open(plan.destination, drawing.size, plan.fps)?;
     let scene = match &pick {
         Some(pick) => Scene { settings: pick.settings.clone(), ..plan.scene },
         None => plan.scene,
     };
     // Computed before loading: a file that changes later must not match the picture.
-    let moves = input.with_velocities.then_some(clock.rate);
-    let fingerprints = Fingerprints::new(&input, &clock.times, &scene, drawing.size, moves);
+    let moves = loader.with_velocities.then_some(clock.rate);
+    let fingerprints = Fingerprints::new(&loader, &clock.times, &scene, drawing.size, moves);
     let fingerprints = fingerprints.under(&overlay);
     let host = gethostname::gethostname().to_string_lossy().into_owned();
     let claims = sharing.claim.map(|timeout| claims_of(&host, timeout));
@@ -90,13 +90,13 @@ fn draw(plan: Plan, pick: Option<Pick>) -> anyhow::Result<u8> {
     // With claims nothing is loaded ahead, since other processes may draw the next frames.
     let memory = if sharing.claim.is_some() { 0 } else { plan.memory };
     let classifier = SharedClassifier::awaited();
-    let loader = Loader::new(input, classifier, &scene, &clock.times, queue.pending(), memory);
+    let ahead = Ahead::new(loader, classifier, &scene, &clock.times, queue.pending(), memory);
     let (picked, opened, budget) = match pick {
         Some(pick) => (Some(pick.picked), Ok(pick.opened), pick.budget),
-        // The loader reads particles while the adapter is opened.
+        // Particles are read while the adapter is opened.
         None => (None, pipeline_cache::open_adapter(), None),
     };
-    loader.classifier().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
+    ahead.classifier().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
     let (gpu, cache) = opened?;
     let (budget, offscreen) = match budget {
         Some((budget, offscreen)) => (Some(budget), offscreen),
@@ -110,7 +110,7 @@ fn draw(plan: Plan, pick: Option<Pick>) -> anyhow::Result<u8> {
         budget,
         fingerprints,
         clock,
-        classifier: loader.classifier().clone(),
+        classifier: ahead.classifier().clone(),
         most_writing: writing::most(sharing.claim.is_some(), &output),
         output,
         writing: VecDeque::new(),
@@ -122,7 +122,7 @@ fn draw(plan: Plan, pick: Option<Pick>) -> anyhow::Result<u8> {
         failures: 0,
         since: Instant::now(),
     };
-    let drawn = draw_all(&mut frame_loop, &mut queue, &loader, &mut log);
+    let drawn = draw_all(&mut frame_loop, &mut queue, &ahead, &mut log);
     frame_loop.wait(&mut log);
     log.bar.finish_and_clear();
     if let Some(cache) = cache {
@@ -197,26 +197,26 @@ fn exit_code(failed: Vec<i64>, all: usize, done: &str) -> u8 {
 fn draw_all(
     frame_loop: &mut FrameLoop,
     queue: &mut Queue,
-    loader: &Loader,
+    ahead: &Ahead,
     log: &mut Log,
 ) -> limpid_io::Result<()> {
     let mut previous = None;
     let mut next = queue.next(log)?;
     while let Some(mut job) = next {
         // The previous picture does not wait for particles that are still being loaded.
-        if !loader.has(&job.shot)
+        if !ahead.has(&job.shot)
             && let Some((job, in_flight)) = previous.take()
         {
             frame_loop.conclude(job, in_flight, log)?;
         }
-        let in_flight = loader.wait(&job.shot).map(|loaded| frame_loop.begin(&mut job, loaded));
+        let in_flight = ahead.wait(&job.shot).map(|loaded| frame_loop.begin(&mut job, loaded));
         if let Some((job, in_flight)) = previous.take() {
             frame_loop.conclude(job, in_flight, log)?;
         }
         // After the previous claim is released: a process holds at most two.
         next = queue.next_free(log)?;
         if let Some(next) = &next {
-            loader.aim(&next.shot, &job.shot);
+            ahead.aim(&next.shot, &job.shot);
         }
         previous = Some((job, in_flight));
         let interrupted = signals::received().is_some();

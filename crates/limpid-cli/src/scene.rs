@@ -53,7 +53,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         ..Request::default()
     };
     let opened = standard::open(&request)?;
-    let project = Project { source: opened.input.source(), ..opened.project };
+    let project = Project { source: opened.loader.source(), ..opened.project };
     terminal::print(project.to_commented_toml(None)?.trim_end())?;
     Ok(crate::SUCCESS)
 }

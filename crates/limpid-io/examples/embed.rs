@@ -42,8 +42,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(path) => Input::open(&path)?,
         None => Input::demo()?,
     };
-    let (input, project) = input.resolve()?;
-    let loaded = input.load(&input.sequence.frames[0], &project.scene)?;
+    let (loader, project) = input.resolve()?;
+    let loaded = loader.load(&loader.sequence.frames[0], &project.scene)?;
     let (min, max) = loaded.bulk.bounds;
 
     // ---- 1. The program's own: a device, a camera, and a world drawn into colour and depth.

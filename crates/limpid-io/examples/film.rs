@@ -31,20 +31,20 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     };
     // Radius, scene and camera come from the files where nothing says otherwise.
-    let (input, project) = Input::open(&source)?.resolve()?;
+    let (loader, project) = Input::open(&source)?.resolve()?;
     let size = UVec2::new(480, 320);
     let mut offscreen = Offscreen::new(&Gpu::headless()?);
     let mut film = Film::create("film.gif".as_ref(), size, FPS)?;
     let mut camera = None;
-    for frame in &input.sequence.frames {
-        let loaded = input.load(frame, &project.scene)?;
+    for frame in &loader.sequence.frames {
+        let loaded = loader.load(frame, &project.scene)?;
         let camera = camera.get_or_insert_with(|| project.camera_for(loaded.bulk.bounds));
         let scene = loaded.scene(&project.scene);
         let input = FrameInput::new(&scene, &*camera, &loaded.splats, size);
         film.push(&offscreen.draw(input)?.picture)?;
     }
     film.finish()?;
-    println!("film.gif: {} frames", input.sequence.frames.len());
+    println!("film.gif: {} frames", loader.sequence.frames.len());
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! Files for [`limpid`]: particle formats, sequences, scenes, pictures and films.
 //!
-//! [`open::Request`] opens an input, [`input::Input`] loads its frames, [`frame_cache::FrameCache`]
+//! [`open::Request`] opens an input, [`input::Loader`] loads its frames, [`frame_cache::FrameCache`]
 //! loads them ahead of playback, and [`output`] and [`film::Film`] write pictures and films. [`quality`] chooses
 //! settings by error or time.
 //!
@@ -12,8 +12,8 @@
 //! # fn main() -> limpid_io::Result<()> {
 //! let request = Request { input: Some("frames/water_{}.bgeo".into()), ..Request::default() };
 //! let opened = request.open()?;
-//! let (input, project) = (opened.input, opened.project);
-//! let loaded = input.load(&input.sequence.frames[0], &project.scene)?;
+//! let (loader, project) = (opened.loader, opened.project);
+//! let loaded = loader.load(&loader.sequence.frames[0], &project.scene)?;
 //! let camera = project.camera_for(loaded.bulk.bounds);
 //! let mut offscreen = Offscreen::new(&device::open()?);
 //! let size = limpid::glam::UVec2::new(1024, 768);

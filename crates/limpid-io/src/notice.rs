@@ -8,7 +8,7 @@ use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::frames::FrameSpec;
-use crate::input::{Input, Loaded, Missing, RadiusFrom};
+use crate::input::{Loaded, Loader, Missing, RadiusFrom};
 use crate::particles::Remark;
 use crate::sequence::Sequence;
 use limpid::camera::{Camera, View};
@@ -198,9 +198,9 @@ fn rounded(x: DVec3, precision: f64) -> String {
 }
 
 /// The notice about a sequence of which all frames are drawn.
-pub fn of_sequence(input: &Input) -> Option<Notice> {
-    let gaps = input.sequence.gaps();
-    (!gaps.is_empty()).then_some(Notice::Gaps(gaps, Some(input.missing)))
+pub fn of_sequence(loader: &Loader) -> Option<Notice> {
+    let gaps = loader.sequence.gaps();
+    (!gaps.is_empty()).then_some(Notice::Gaps(gaps, Some(loader.missing)))
 }
 
 /// The notice about `count` frames that were selected in a sequence by their numbers.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::adjustments::Adjustments;
 use crate::camera_axes::{CameraAxes, GivenCamera};
 use crate::error::Result;
-use crate::input::{Input, Missing};
+use crate::input::{Input, Loader, Missing};
 use crate::particles::ReadOptions;
 use crate::project::{LiquidSource, Project, overrides};
 use limpid::liquid::Up;
@@ -45,8 +45,8 @@ pub struct Request {
 /// A project ready to be drawn.
 #[derive(Debug, Clone)]
 pub struct Opened {
-    /// Its frames; every fluid with particles has a radius.
-    pub input: Input,
+    /// Reads its frames; every fluid with particles has a radius.
+    pub loader: Loader,
     /// The project without the overrides and the request's camera; it has a camera.
     pub plain: Project,
     /// The project with the overrides and the request's camera.
@@ -99,7 +99,7 @@ impl Request {
         if let Some(radius) = self.radius {
             input = input.with_radius(radius)?;
         }
-        (input.missing, input.framing) = (self.missing, self.framing);
+        (input.loader.missing, input.framing) = (self.missing, self.framing);
         let mut axes = input.project.as_ref().map_or(CameraAxes::default(), |p| p.camera_axes);
         if let (Some(project), Some(up)) = (&mut input.project, self.camera_up) {
             let views = project.views.iter_mut().map(|view| &mut view.axes);
@@ -108,24 +108,24 @@ impl Request {
         let input = input.with_options(&self.options).with_adjustments(&self.adjustments)?;
         let input = input.measured_with(self.measured, self.together.clone());
         let lit_by_look = input.takes_light_from_look();
-        let (input, mut plain) = input.resolve()?;
-        self.adjustments.apply(&mut plain, input.body())?;
+        let (loader, mut plain) = input.resolve()?;
+        self.adjustments.apply(&mut plain, loader.body())?;
         // A look's light on nothing that shows it is no slip of the user's.
         if lit_by_look && !plain.scene.is_lit() {
             plain.scene.lights.clear();
         }
-        // The input moves the solids that are left.
-        let input = input.with_motion(&plain.motion);
+        // The loader moves the solids that are left.
+        let loader = loader.with_motion(&plain.motion);
         let mut project = plain.clone();
         project.set(&self.overrides)?;
-        let files = input.up().0;
+        let files = loader.up().0;
         if let Some(given) = self.camera {
             axes = CameraAxes { up: self.camera_up.or(given.axes.up), ..given.axes };
             project.camera = Some(axes.to_world(given.camera, files));
         }
         let camera_up = self.camera_up.or(axes.up).unwrap_or(files);
         project.check()?;
-        let input = input.processed_by(project.processor);
-        Ok(Opened { input, plain, project, camera_up })
+        let loader = loader.processed_by(project.processor);
+        Ok(Opened { loader, plain, project, camera_up })
     }
 }

@@ -15,7 +15,7 @@ use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingRadiance};
 use limpid::wgpu;
 use limpid_cli::PipelineCache;
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::{FrameTime, Input, Loaded, Loader};
 use limpid_io::notice;
 use limpid_io::shared_classifier::SharedClassifier;
 use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _};
@@ -344,7 +344,7 @@ impl Drawer {
             Some((particles, tints)) => {
                 let thickness = match thickness {
                     Some(thickness) => thickness,
-                    None => self.thickness(&opened.input, &particles)?,
+                    None => self.thickness(&opened.loader, &particles)?,
                 };
                 let absorption = |tint: &Vec3| tint.map(|c| (-c.ln()).max(0.0)) / thickness as f32;
                 scene.fluids = tints.iter().map(absorption).collect();
@@ -352,9 +352,9 @@ impl Drawer {
             }
             None => None,
         };
-        let input = opened.input.clone().classified(self.classifier.clone());
+        let loader = opened.loader.clone().classified(self.classifier.clone());
         let started = Instant::now();
-        let loaded = input.load(FrameTime::at(frame), &scene)?;
+        let loaded = loader.load(FrameTime::at(frame), &scene)?;
         self.check()?;
         let interface =
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
@@ -375,7 +375,7 @@ impl Drawer {
             radiance = self.keep_radiance();
             rgba = drawing.wait_rgba()?.into_raw();
         } else {
-            let up = input.up().0;
+            let up = loader.up().0;
             let views: Vec<_> = views.iter().map(|camera| camera.to_y_up(up).view()).collect();
             let pictures = self.offscreen.draw_views(frame_input, &views)?;
             images = Vec::new();
@@ -408,8 +408,8 @@ impl Drawer {
     }
 
     /// The length of liquid that light typically crosses, m.
-    fn thickness(&self, input: &Input, particles: &Particles) -> limpid_io::Result<f64> {
-        let radius = input.radius(FrameTime::at(0), particles)?;
+    fn thickness(&self, loader: &Loader, particles: &Particles) -> limpid_io::Result<f64> {
+        let radius = loader.radius(FrameTime::at(0), particles)?;
         Ok(Body::new(particles, radius).map_or(1.0, |body| body.thickness()))
     }
 

@@ -77,19 +77,19 @@ impl Setting {
             ..Request::default()
         };
         let mut opened = request.open_from(input)?;
-        let up = opened.input.up().0;
+        let up = opened.loader.up().0;
         let camera = match self.camera {
             Some(camera) => camera.to_y_up(up),
             None => Camera(Kind::Aimed(opened.project.camera_for(Default::default()))),
         };
         let own_camera = self.camera.unwrap_or_else(|| camera.y_up_to(up));
         (opened.plain.camera, opened.project.camera) = (camera.camera(), camera.camera());
-        opened.plain.source = match opened.input.source() {
+        opened.plain.source = match opened.loader.source() {
             // With the radius that was found.
             source @ LiquidSource::File(_) => source,
             _ => opened.plain.source,
         };
-        opened.input.with_velocities = self.motion;
+        opened.loader.with_velocities = self.motion;
         Ok(Staged { opened, camera, own_camera })
     }
 }
@@ -140,7 +140,7 @@ impl Frames {
             ..Setting::default()
         };
         let staged = work::run(py, move |_| setting.stage(Input::open(&source)?))?;
-        let input = &staged.opened.input;
+        let input = &staged.opened.loader;
         let all = || input.sequence.frames.iter().map(|frame| frame.number).collect();
         let numbers = input.frame.map_or_else(all, |frame| vec![frame]);
         Ok(Self { staged: Arc::new(staged), numbers })
@@ -153,7 +153,7 @@ impl Frames {
     /// Frames per second, if the scene or the files have them.
     #[getter]
     fn fps(&self) -> Option<f64> {
-        self.staged.opened.input.fps()
+        self.staged.opened.loader.fps()
     }
 }
 

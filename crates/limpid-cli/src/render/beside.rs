@@ -14,7 +14,7 @@ use limpid::liquid::Up;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid_io::film::Shot;
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::{FrameTime, Loaded, Loader};
 use limpid_io::open::Opened;
 use limpid_io::overlay::{self, Overlay};
 use limpid_io::shared_classifier::SharedClassifier;
@@ -32,7 +32,7 @@ use crate::{pipeline_cache, signals};
 struct Side {
     /// As given.
     source: String,
-    input: Input,
+    loader: Loader,
     scene: Scene,
     /// Of each picture.
     times: Vec<FrameTime>,
@@ -101,15 +101,15 @@ impl Side {
         console: Console,
     ) -> Self {
         let Planned { source, opened, times, overlay } = planned;
-        let Opened { input, project, .. } = opened;
+        let Opened { loader, project, .. } = opened;
         let scene = project.scene;
-        let fingerprints = Fingerprints::new(&input, &times, &scene, sizes.picture, None);
-        let input = input.classified(classifier.clone());
+        let fingerprints = Fingerprints::new(&loader, &times, &scene, sizes.picture, None);
+        let loader = loader.classified(classifier.clone());
         let source = source.display().to_string();
         let console = console.of(&source);
         let remarks = project.solid_files.remarks.into_iter();
         remarks.for_each(|remark| console.line(&remark));
-        Self { source, input, scene, times, overlay, fingerprints, console, last: None }
+        Self { source, loader, scene, times, overlay, fingerprints, console, last: None }
     }
 
     /// Draws its part of a picture, with its name.
@@ -124,7 +124,7 @@ impl Side {
         let loaded = match self.last.take() {
             Some((time, loaded)) if time == at => loaded,
             _ => Arc::new(
-                self.input.load(at, &self.scene).map_err(|error| error.of_frame(at.frame))?,
+                self.loader.load(at, &self.scene).map_err(|error| error.of_frame(at.frame))?,
             ),
         };
         let view = (&shot.camera, sizes.picture);

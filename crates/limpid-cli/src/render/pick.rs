@@ -109,10 +109,10 @@ fn start(
     costs: Vec<f64>,
     sets: Vec<Vec<String>>,
 ) -> Result<(Budget, Offscreen)> {
-    let Plan { input, scene, clock, shots, .. } = plan;
+    let Plan { loader, scene, clock, shots, .. } = plan;
     let at = clock.times[shots[0].frame];
     // On the CPU: the classifier is not ready yet, and the choice does not depend on the processor.
-    let loaded = input.clone().processed_by(Processor::Cpu).load(at, scene)?;
+    let loaded = loader.clone().processed_by(Processor::Cpu).load(at, scene)?;
     let mut offscreen = Offscreen::new(gpu);
     let first = loaded.scene(scene).into_owned();
     let view = (&shots[0].camera, plan.drawing.size);

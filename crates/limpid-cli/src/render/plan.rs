@@ -13,7 +13,7 @@ use limpid_io::Error;
 use limpid_io::camera_path::{self, CameraPath};
 use limpid_io::film::{self, Motion, Shot};
 use limpid_io::frames::{FrameSpec, Shard, check_fps};
-use limpid_io::input::{FrameTime, Input};
+use limpid_io::input::{FrameTime, Loader};
 use limpid_io::notice::{self, Notice};
 use limpid_io::open::Request;
 use limpid_io::overlay::Overlay;
@@ -28,7 +28,7 @@ pub(super) const DEFAULT_FPS: f64 = 30.0;
 
 /// What a run draws, how, and where the pictures go: all that the arguments say, checked before the device is opened.
 pub(super) struct Plan {
-    pub(super) input: Input,
+    pub(super) loader: Loader,
     pub(super) scene: Scene,
     pub(super) clock: Clock,
     /// The pictures of all shares.
@@ -100,23 +100,23 @@ impl Plan {
         let opened = standard::open(&request(args, path.clone(), framing))?;
         let camera = opened.project.camera_for(Default::default());
         let incomplete = opened.project.solid_files.remarks.clone();
-        let (mut input, scene) = (opened.input, opened.project.scene);
+        let (mut loader, scene) = (opened.loader, opened.project.scene);
         let camera_up = match &args.camera_path {
-            Some(_) => args.camera_up.unwrap_or(input.up().0),
+            Some(_) => args.camera_up.unwrap_or(loader.up().0),
             None => opened.camera_up,
         };
-        input.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
-        let overlay = overlay(args, &input);
-        let (times, numbers, fps) = frame_times(args, frames, &input)?;
+        loader.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
+        let overlay = overlay(args, &loader);
+        let (times, numbers, fps) = frame_times(args, frames, &loader)?;
         if !args.keep_going {
-            input.check_files(&times)?;
+            loader.check_files(&times)?;
         }
-        let shots = shots(args, camera, input.up().0, &numbers, fps)?;
-        let mut notices = notices(args, frames, &input, numbers.len());
+        let shots = shots(args, camera, loader.up().0, &numbers, fps)?;
+        let mut notices = notices(args, frames, &loader, numbers.len());
         notices.extend(incomplete.into_iter().map(Notice::Incomplete));
         let destination = Destination::new(args, path.as_slice(), &shots)?;
-        let stride = input.sequence.stride() as f64;
-        let rate = stride * input.fps().unwrap_or(fps);
+        let stride = loader.sequence.stride() as f64;
+        let rate = stride * loader.fps().unwrap_or(fps);
         let clock = Clock { rate, stride, frozen: times.len() == 1 && shots.len() > 1, times };
         Ok(Self {
             camera_up,
@@ -129,7 +129,7 @@ impl Plan {
             manifest: args.manifest.clone(),
             stats: args.stats.clone(),
             memory: args.memory << 20,
-            input,
+            loader,
             scene,
             clock,
             shots,
@@ -195,14 +195,14 @@ pub(super) fn request(args: &Args, input: Option<PathBuf>, framing: Framing) -> 
 }
 
 /// Scale bar and axes of the pictures of an input.
-pub(super) fn overlay(args: &Args, input: &Input) -> Overlay {
-    let middle = input.body().map(|body| 0.5 * (body.bounds.0 + body.bounds.1));
-    Overlay { scale_bar: middle.filter(|_| args.scale_bar), axes: args.axes.then(|| input.up().0) }
+pub(super) fn overlay(args: &Args, loader: &Loader) -> Overlay {
+    let middle = loader.body().map(|body| 0.5 * (body.bounds.0 + body.bounds.1));
+    Overlay { scale_bar: middle.filter(|_| args.scale_bar), axes: args.axes.then(|| loader.up().0) }
 }
 
 /// The frames of an input, of which `asked` are asked for.
-pub(super) fn spec(asked: Option<&FrameSpec>, input: &Input) -> FrameSpec {
-    match (asked, input.frame) {
+pub(super) fn spec(asked: Option<&FrameSpec>, loader: &Loader) -> FrameSpec {
+    match (asked, loader.frame) {
         (Some(spec), _) => spec.clone(),
         (None, Some(frame)) => FrameSpec::list([frame]),
         (None, None) => FrameSpec::All,
@@ -225,18 +225,18 @@ pub(super) fn speed(args: &Args) -> limpid_io::Result<f64> {
 fn frame_times(
     args: &Args,
     asked: Option<&FrameSpec>,
-    input: &Input,
+    loader: &Loader,
 ) -> limpid_io::Result<(Vec<FrameTime>, Vec<i64>, f64)> {
-    let mut frames = spec(asked, input).numbers(&input.sequence, input.missing)?;
-    input.check_frames(&frames)?;
-    let fps = args.fps.or(input.fps()).unwrap_or(DEFAULT_FPS);
+    let mut frames = spec(asked, loader).numbers(&loader.sequence, loader.missing)?;
+    loader.check_frames(&frames)?;
+    let fps = args.fps.or(loader.fps()).unwrap_or(DEFAULT_FPS);
     check_fps(fps)?;
     if let Some(time) = args.at {
         frames.sort_unstable();
-        let frame_time = input.frame_time(&frames, time)?;
+        let frame_time = loader.frame_time(&frames, time)?;
         return Ok((vec![frame_time], vec![frame_time.frame], fps));
     }
-    let step = speed(args)? * input.fps().unwrap_or(fps) / fps;
+    let step = speed(args)? * loader.fps().unwrap_or(fps) / fps;
     if step == 1.0 || frames.len() == 1 {
         return Ok((frames.iter().copied().map(FrameTime::at).collect(), frames, fps));
     }
@@ -244,28 +244,33 @@ fn frame_times(
         let problem = "--frames: slow and fast motion takes the frames in order, as 1-9 or 1,5,9";
         return Err(Error::Usage(problem.into()));
     }
-    let stride = input.sequence.stride() as f64;
+    let stride = loader.sequence.stride() as f64;
     let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / (stride * step);
     if count > film::MAX_SHOTS {
         return Err(Error::Usage(format!("{count:.0} pictures; expected a higher --speed")));
     }
-    let frame_times = input.frame_times(&frames, step);
+    let frame_times = loader.frame_times(&frames, step);
     let numbers = (1..=frame_times.len() as i64).collect();
     Ok((frame_times, numbers, fps))
 }
 
 /// Notices about the sequence.
-fn notices(args: &Args, asked: Option<&FrameSpec>, input: &Input, pictures: usize) -> Vec<Notice> {
-    let single = args.at.is_some() || input.frame.is_some();
+fn notices(
+    args: &Args,
+    asked: Option<&FrameSpec>,
+    loader: &Loader,
+    pictures: usize,
+) -> Vec<Notice> {
+    let single = args.at.is_some() || loader.frame.is_some();
     let all = matches!(asked, None | Some(FrameSpec::All)) && !single;
-    let gaps = notice::of_sequence(input).filter(|_| all);
+    let gaps = notice::of_sequence(loader).filter(|_| all);
     let steps = asked.filter(|_| !single);
-    let steps = steps.and_then(|spec| notice::of_selection(spec, &input.sequence, pictures));
+    let steps = steps.and_then(|spec| notice::of_selection(spec, &loader.sequence, pictures));
     let timed = film_path(args).is_some()
         || args.speed.is_some()
         || args.camera_path.is_some()
         || args.turntable.is_some();
-    let assumed = timed && pictures > 1 && args.fps.or(input.fps()).is_none();
+    let assumed = timed && pictures > 1 && args.fps.or(loader.fps()).is_none();
     gaps.into_iter().chain(steps).chain(assumed.then_some(Notice::Rate(DEFAULT_FPS))).collect()
 }
 

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use limpid::liquid::Particles;
 use limpid_io::Error;
 use limpid_io::frames::FrameSpec;
-use limpid_io::input::{FrameTime, Input, Missing};
+use limpid_io::input::{FrameTime, Input, Loader, Missing};
 
 use crate::support::frames::{gpu, noise};
 
@@ -229,12 +229,12 @@ fn shuffled_files_are_held() {
 }
 
 /// Writes and opens a sequence of frames with these numbers.
-fn open(folder: &Path, numbers: &[i64]) -> Input {
+fn open(folder: &Path, numbers: &[i64]) -> Loader {
     for number in numbers {
         let text = format!("{number} 0 0\n{number} 1 0\n");
         std::fs::write(folder.join(format!("w_{number}.xyz")), text).unwrap();
     }
-    Input::open(folder.join("w_{}.xyz").to_str().unwrap()).unwrap()
+    Input::open(folder.join("w_{}.xyz").to_str().unwrap()).unwrap().loader
 }
 
 /// Frame times advance by equal steps from the first frame to the last, also across gaps, and meet every
@@ -332,8 +332,8 @@ fn frame_numbers_may_be_extreme() {
 fn missing_frames() {
     let folder = tempfile::tempdir().unwrap();
     let mut input = open(folder.path(), &[3, 4, 7]);
-    let all = |input: &Input| FrameSpec::All.numbers(&input.sequence, input.missing).unwrap();
-    let count = |input: &Input, number| input.particles(FrameTime::at(number)).map(|p| p.len());
+    let all = |input: &Loader| FrameSpec::All.numbers(&input.sequence, input.missing).unwrap();
+    let count = |input: &Loader, number| input.particles(FrameTime::at(number)).map(|p| p.len());
 
     assert_eq!(all(&input), [3, 4, 7]);
     assert!(matches!(count(&input, 5), Err(Error::MissingFrame { frame: 5, .. })));

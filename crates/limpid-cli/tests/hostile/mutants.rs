@@ -69,7 +69,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Read> {
 
 /// Reads all frames of a file that is there.
 fn open(path: &Path) -> Result<Read> {
-    let input = Input::open(path)?;
+    let input = Input::open(path)?.loader;
     // Files that are listed and not there are told before anything is drawn.
     let said = !input.sequence.absent.is_empty();
     let mut read = Read { frames: Vec::new(), said };

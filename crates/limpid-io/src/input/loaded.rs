@@ -9,7 +9,7 @@ use limpid::liquid::classify::{Splat, Splats};
 use limpid::scene::Scene;
 
 #[cfg(doc)]
-use super::Input;
+use super::{Input, Loader};
 #[cfg(doc)]
 use crate::adjustments::Adjustments;
 use crate::particles::{Array, Remark};
@@ -74,7 +74,7 @@ pub struct Loaded {
     pub splashes: usize,
     /// Origin of the radius; with several fluids, the least reliable.
     pub radius_from: RadiusFrom,
-    /// The axis that points up in the files, and what says so; see [`Input::up`].
+    /// The axis that points up in the files, and what says so; see [`Loader::up`].
     pub up: (Up, UpFrom),
     /// Bounds of all centres; both 0 without particles.
     pub bounds: (DVec3, DVec3),
@@ -89,7 +89,7 @@ pub struct Loaded {
     pub bulk: Bulk,
     /// Where the scene's solids are, if they move.
     pub moved: Moved,
-    /// Velocity of each particle, m/s, if [`Input::with_velocities`] is set and the files have them.
+    /// Velocity of each particle, m/s, if [`Loader::with_velocities`] is set and the files have them.
     pub velocities: Vec<Vec3>,
 }
 

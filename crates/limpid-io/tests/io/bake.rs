@@ -458,7 +458,7 @@ fn a_baked_scene_is_an_input() {
     )
     .unwrap();
     let input = limpid_io::input::Input::open(name).unwrap();
-    assert_eq!(input.fps(), Some(24.0));
+    assert_eq!(input.loader.fps(), Some(24.0));
     let (input, project) = input.resolve().unwrap();
     let numbers: Vec<_> = input.sequence.frames.iter().map(|frame| frame.number).collect();
     assert_eq!(numbers, [1, 2, 3]);

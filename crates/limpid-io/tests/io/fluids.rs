@@ -236,7 +236,7 @@ fn fluids_are_interpolated_separately() {
     let fluid = |name: &str| format!("[[fluid]]\nsource = \"{name}_{{}}.bgeo\"\nradius = 0.1\n");
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, fluid("a") + &fluid("b")).unwrap();
-    let input = Input::open(path.to_str().unwrap()).unwrap();
+    let input = Input::open(path.to_str().unwrap()).unwrap().loader;
     let middle = FrameTime { frame: 1, next: 2, fraction: 0.25 };
     let particles = input.particles(middle).unwrap();
     let places: Vec<f32> = particles.positions.iter().map(|x| x.x).collect();
@@ -245,7 +245,7 @@ fn fluids_are_interpolated_separately() {
     // A frame that one fluid lacks is reported before anything is drawn.
     input.check_frames(&[1, 2]).unwrap();
     std::fs::remove_file(folder.path().join("b_2.bgeo")).unwrap();
-    let mut input = Input::open(path.to_str().unwrap()).unwrap();
+    let mut input = Input::open(path.to_str().unwrap()).unwrap().loader;
     let error = input.check_frames(&[1, 2]).unwrap_err().to_string();
     assert!(error.contains("b_{}.bgeo") && error.contains("frame 2 is missing"), "{error}");
     input.missing = Missing::Hold;

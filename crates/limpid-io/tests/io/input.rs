@@ -14,7 +14,7 @@ use limpid_io::Error;
 use limpid_io::adjustments::{Adjustments, Sun};
 use limpid_io::camera_axes::GivenCamera;
 use limpid_io::camera_path::{CameraPath, Key};
-use limpid_io::input::{FrameTime, Input, Loaded, Missing, UpFrom};
+use limpid_io::input::{FrameTime, Input, Loaded, Loader, Missing, UpFrom};
 use limpid_io::notice;
 use limpid_io::open::{Opened, Request};
 use limpid_io::particles::ReadOptions;
@@ -69,7 +69,7 @@ fn fluids_of_one_file_are_selected() {
     // What a command selects replaces what the scene does.
     std::fs::write(&scene, "[particles]\nsource = \"a.csv\"\nselect = \"phase==1\"\n").unwrap();
     let input = Input::open(scene.to_str().unwrap()).unwrap();
-    let count = |input: &Input| input.particles(FrameTime::at(0)).unwrap().len();
+    let count = |input: &Input| input.loader.particles(FrameTime::at(0)).unwrap().len();
     assert_eq!(count(&input), 9);
     let options =
         |select: &str| ReadOptions { select: select.parse().unwrap(), ..ReadOptions::default() };
@@ -117,7 +117,7 @@ fn unreadable_frames_are_treated_as_missing() {
     let (mut input, project) = open(&folder).resolve().unwrap();
     let target = project.camera.unwrap().target;
     assert!((50.0..51.2).contains(&target.x), "{target}");
-    let load = |input: &Input, number| input.load(FrameTime::at(number), &project.scene);
+    let load = |input: &Loader, number| input.load(FrameTime::at(number), &project.scene);
     for (number, is_damaged) in [(0, true), (1, false), (2, true), (4, false), (5, true), (6, true)]
     {
         assert_eq!(load(&input, number).is_err(), is_damaged, "{number}");
@@ -152,7 +152,7 @@ fn unreadable_frames_are_treated_as_missing() {
 
     let folder = frames(&[CUT, CUT]);
     let mut input = open(&folder);
-    input.missing = Missing::Hold;
+    input.loader.missing = Missing::Hold;
     let error = input.resolve().unwrap_err().to_string();
     assert!(error.contains("w_0.xyz"), "no frame can be read: {error}");
 }
@@ -181,7 +181,7 @@ fn listed_pieces_are_looked_for_first() {
             sets.concat()
         );
         std::fs::write(at("all.pvd"), list).unwrap();
-        Input::open(at("all.pvd")).unwrap()
+        Input::open(at("all.pvd")).unwrap().loader
     };
     let all = [0, 1, 2].map(FrameTime::at);
     assert!(listed(&["a.xyz", "c.xyz", "d.xyz"]).check_files(&all).is_ok());
@@ -231,7 +231,7 @@ fn a_missing_frame_is_not_replaced_by_another() {
     let folder = frames(&[PAIR]);
     let text = "[particles]\nsource = \"w_{}.xyz\"\nframe = 7\n";
     std::fs::write(folder.path().join("scene.toml"), text).unwrap();
-    let input = Input::open(folder.path().join("scene.toml").to_str().unwrap()).unwrap();
+    let input = Input::open(folder.path().join("scene.toml").to_str().unwrap()).unwrap().loader;
     assert_eq!(input.frame, Some(7));
     assert!(input.sequence.frame(7).is_none());
 }
@@ -339,7 +339,7 @@ fn parked_particles_are_named_and_left_out() {
     let load = |places: Vec<Vec3>| {
         let given = Input::from_particles(Arc::new(Particles::from_positions(places)), "given");
         let opened = Request::default().open_from(given).unwrap();
-        let loaded = opened.input.load(FrameTime::at(0), &opened.project.scene).unwrap();
+        let loaded = opened.loader.load(FrameTime::at(0), &opened.project.scene).unwrap();
         let notices = notice::of_frame(&loaded, &opened.project.scene);
         (opened, notices.iter().map(ToString::to_string).collect::<Vec<_>>())
     };
@@ -349,7 +349,7 @@ fn parked_particles_are_named_and_left_out() {
         let (opened, notices) = load([others, whole.clone()].concat());
         assert_eq!(notices.len(), 1, "{name}: {notices:?}");
         assert!(notices[0].starts_with(line), "{name}: {}", notices[0]);
-        let (found, expected) = (opened.input.body().unwrap(), expected.input.body().unwrap());
+        let (found, expected) = (opened.loader.body().unwrap(), expected.loader.body().unwrap());
         assert_eq!(found.bounds, expected.bounds, "{name}");
         assert!((found.radius / expected.radius - 1.0).abs() < 0.02, "{name}: {}", found.radius);
     }
@@ -396,7 +396,7 @@ fn lights_see_what_moves() {
         particles.velocities = Some((0..particles.len()).map(velocity).collect());
         let given = Input::from_particles(Arc::new(particles), "given").with_radius(0.025).unwrap();
         let opened = Request::default().open_from(given).unwrap();
-        let loaded = opened.input.load(FrameTime::at(0), &opened.project.scene).unwrap();
+        let loaded = opened.loader.load(FrameTime::at(0), &opened.project.scene).unwrap();
         let views = limpid::lights::views(&opened.project.scene, &loaded.splats);
         (views, loaded.bulk.bounds, loaded.bulk.outside)
     };
@@ -451,7 +451,7 @@ fn the_axis_that_points_up_is_guessed() {
     let name = Some(folder.path().join("w_{}.xyz"));
     let adjustments = Adjustments { up: Some(Up::Y), ..Adjustments::default() };
     let opened = Request { input: name, adjustments, ..Request::default() }.open().unwrap();
-    assert!(!opened.input.is_turned());
+    assert!(!opened.loader.is_turned());
     let scene = Project::parse("", "empty", Path::new(".")).unwrap();
     assert!(!open(&folder).with_project(scene).resolve().unwrap().0.is_turned());
     let calm = frames(&[&z_up(|_, _| 9.0)]);
@@ -520,7 +520,7 @@ fn the_axis_that_points_up_is_told() {
         let input = Some(path("scene.toml"));
         let adjustments = Adjustments { up, ..Adjustments::default() };
         let opened = Request { input, adjustments, ..Request::default() }.open().unwrap();
-        opened.input.up()
+        opened.loader.up()
     };
     let silent = "[particles]\nsource = \"FILE\"\nradius = 0.5\n";
     let complete = "[environment]\n[camera]\neye = [9, 9, 9]\ntarget = [0, 0, 0]\nfov_y = 40\n";
@@ -572,7 +572,7 @@ fn cameras_count_in_the_axes_of_the_files() {
         }
         let given: GivenCamera = text.parse().unwrap();
         let opened = Request { camera: Some(given), ..request.clone() }.open().unwrap();
-        assert_eq!((opened.input.up().0, opened.camera_up), (Up::Z, Up::Z));
+        assert_eq!((opened.loader.up().0, opened.camera_up), (Up::Z, Up::Z));
         assert_seen_as(&opened.project.camera.unwrap(), &own, text);
         // As before, if that is said.
         let camera_up = Some(Up::Y);
@@ -624,7 +624,7 @@ fn cameras_count_in_the_axes_of_the_files() {
             false => assert_eq!((found.eye, opened.camera_up), (own.eye, Up::Y), "{up}"),
         }
         // What is written of it reads back as the same view.
-        let written = Project { source: opened.input.source(), ..opened.project };
+        let written = Project { source: opened.loader.source(), ..opened.project };
         let written = Project::parse(&written.to_toml(None).unwrap(), "w", Path::new("")).unwrap();
         let input = Input::from_project(written, "w").unwrap();
         assert_eq!(input.resolve().unwrap().1.camera, Some(found), "{up}");
@@ -660,7 +660,7 @@ fn unseen_liquid_is_described_in_the_axes_of_the_camera() {
         let camera = Some(camera.parse().unwrap());
         let request =
             Request { input: Some(pattern.clone()), camera, camera_up, ..Request::default() };
-        let Opened { input, project, camera_up, .. } = request.open().unwrap();
+        let Opened { loader: input, project, camera_up, .. } = request.open().unwrap();
         let loaded = input.load(FrameTime::at(0), &project.scene).unwrap();
         let found =
             notice::of_view(&loaded, &project.camera.unwrap(), UVec2::new(64, 48), camera_up);
@@ -734,12 +734,12 @@ fn given_particles_are_those_of_a_file() {
         let file = request.open_from(Input::open(path.to_str().unwrap()).unwrap()).unwrap();
         let given = Input::from_particles(Arc::new(particles), "positions");
         let given = request.open_from(given).unwrap();
-        assert_eq!(given.input.is_turned(), up == Up::Z);
-        assert_eq!(given.input.is_turned(), file.input.is_turned());
+        assert_eq!(given.loader.is_turned(), up == Up::Z);
+        assert_eq!(given.loader.is_turned(), file.loader.is_turned());
         assert_eq!(given.project.camera, file.project.camera);
         assert_eq!(given.project.scene, file.project.scene);
-        let load = |input: &Input| input.load(FrameTime::at(0), &file.project.scene).unwrap();
-        let (a, b) = (load(&given.input), load(&file.input));
+        let load = |input: &Loader| input.load(FrameTime::at(0), &file.project.scene).unwrap();
+        let (a, b) = (load(&given.loader), load(&file.loader));
         assert_eq!((&a.splats, a.particles, a.bounds), (&b.splats, b.particles, b.bounds));
     }
 }
@@ -752,7 +752,7 @@ fn given_particles_are_shared() {
     let opened = Request { radius: Some(0.5), ..Request::default() }.open_from(input).unwrap();
     let before = Arc::strong_count(&particles);
     assert!(before > 1);
-    opened.input.load(FrameTime::at(7), &opened.project.scene).unwrap();
+    opened.loader.load(FrameTime::at(7), &opened.project.scene).unwrap();
     assert_eq!(Arc::strong_count(&particles), before);
     drop(opened);
     assert_eq!(Arc::strong_count(&particles), 1);

@@ -207,7 +207,7 @@ fn the_source_of_a_radius_is_reported() {
     let mapped = || open(&sized).with_options(&options);
     assert_eq!(from(mapped()), (RadiusFrom::File, 0.15));
     assert_eq!(from(mapped().with_radius(0.2).unwrap()), (RadiusFrom::Option, 0.2));
-    let remarks = |input: Input| input.contents(FrameTime::at(0)).unwrap().remarks;
+    let remarks = |input: Input| input.loader.contents(FrameTime::at(0)).unwrap().remarks;
     let given = Remark::RadiusGiven { array: "pscale*0.5".into() };
     assert_eq!(remarks(mapped().with_radius(0.2).unwrap()), [given]);
     assert_eq!(remarks(open(&sized).with_radius(0.2).unwrap()), [Remark::OwnRadii]);

@@ -19,7 +19,7 @@ use limpid_io::bake;
 use limpid_io::camera_axes::GivenCamera;
 use limpid_io::error::{Error, Result};
 use limpid_io::frames::FrameSpec;
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::{FrameTime, Input, Loaded, Loader};
 use limpid_io::open::Request;
 use limpid_io::output::CleanupGuard;
 use limpid_io::project::Project;
@@ -36,7 +36,7 @@ struct Baked {
 /// An opened entry: its particles and its scene.
 pub(super) struct OpenedEntry<'a> {
     entry: &'a Entry,
-    input: Input,
+    input: Loader,
     pub(super) scene: Scene,
     /// The camera.
     pub(super) camera: Camera,
@@ -66,7 +66,7 @@ impl<'a> OpenedEntry<'a> {
             None => (request.open()?, None),
         };
         let camera = opened.project.camera_for(Default::default());
-        let (input, scene) = (opened.input, opened.project.scene);
+        let (input, scene) = (opened.loader, opened.project.scene);
         Ok(Self { entry, input, scene, camera, _baked: baked })
     }
 

@@ -12,7 +12,7 @@ use limpid::liquid::particles::Particles;
 use limpid::scene::Scene;
 use limpid::sims;
 use limpid_io::error::{Error, Result};
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::{FrameTime, Input, Loaded, Loader};
 use limpid_io::project::Project;
 use limpid_io::shared_classifier::Processor;
 use limpid_sim::recipe::Recipe;
@@ -51,7 +51,7 @@ pub struct Subject {
     pub bounds: (DVec3, DVec3),
     /// Kind of the true surface: `analytic` or `mesh`.
     pub truth: &'static str,
-    input: Input,
+    input: Loader,
 }
 
 impl Subject {
@@ -101,7 +101,7 @@ impl Subject {
     /// Returns the scene with other settings, and its particles classified with them.
     ///
     /// # Errors
-    /// As [`Input::prepare`].
+    /// As [`Loader::prepare`].
     pub fn with(&self, settings: &limpid::settings::Settings) -> Result<(Scene, Loaded)> {
         // Settings of the picture, as opposed to the method, stay.
         let caustics = limpid::settings::Caustics {
@@ -121,7 +121,7 @@ impl Subject {
     /// Returns the scene with other settings, and these particles classified with them.
     ///
     /// # Errors
-    /// As [`Input::prepare`].
+    /// As [`Loader::prepare`].
     pub fn prepared(
         &self,
         particles: &Particles,
@@ -136,7 +136,7 @@ impl Subject {
     /// velocities.
     ///
     /// # Errors
-    /// As [`Input::particles`] and [`Mesh::reconstruct`].
+    /// As [`Loader::particles`] and [`Mesh::reconstruct`].
     pub fn after(&self, seconds: f64) -> Result<Option<(Particles, Mesh)>> {
         let mut particles = self.input.particles(&self.input.sequence.frames[0])?;
         let Some(velocities) = &particles.velocities else { return Ok(None) };
@@ -177,7 +177,7 @@ pub(super) fn is_file(name: &str) -> bool {
     name.ends_with(".toml")
 }
 
-fn open(name: &str) -> Result<(&'static str, Input, Project)> {
+fn open(name: &str) -> Result<(&'static str, Loader, Project)> {
     let (name, text) = find(name)?;
     let input = match text {
         "" => Input::demo()?,

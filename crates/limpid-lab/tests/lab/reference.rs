@@ -46,8 +46,8 @@ fn input(references: &Path, folder: &str, name: &str) -> Input {
 fn scenes_load_unchanged() {
     let Some(references) = references() else { return };
     for name in SCENES {
-        let input = input(&references, "scenes", name);
-        let project = input.project.as_ref().expect("a scene");
+        let Input { loader: input, project, .. } = input(&references, "scenes", name);
+        let project = project.expect("a scene");
         assert!(project.camera.is_some(), "{name} has a camera");
         assert_eq!(project.scene.solids.len(), 1, "{name} has a floor");
         let frame = match input.frame {

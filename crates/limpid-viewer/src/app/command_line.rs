@@ -60,7 +60,7 @@ pub fn command_line(
     for (control, value) in controls::differences(&plain.settings, &scene.settings) {
         option("set", format!("{}={value}", control.path()));
     }
-    if processor != document.input.project.as_ref().map_or(Processor::Auto, |p| p.processor) {
+    if processor != document.plain_processor {
         option("set", format!("classify.on={processor}"));
     }
     if scene.liquid.ior != plain.liquid.ior {

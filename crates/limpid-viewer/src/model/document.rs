@@ -14,13 +14,14 @@ use limpid_io::adjustments::Adjustments;
 use limpid_io::bake;
 use limpid_io::error::Result;
 use limpid_io::frames::FrameSpec;
-use limpid_io::input::{FrameTime, Input, Loaded, Missing, files_of};
+use limpid_io::input::{FrameTime, Loaded, Loader, Missing, files_of};
 use limpid_io::notice::{self, Notice};
 use limpid_io::open::{Opened, Request};
 use limpid_io::output::{FileKind, Files};
 use limpid_io::particles::{AttributeMap, ReadOptions, Selection, readable_stem};
 use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
+use limpid_io::shared_classifier::Processor;
 
 /// A source to open, as on the command line.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -52,9 +53,11 @@ pub struct Document {
     /// The source that it was opened from.
     pub source: Source,
     /// The source of the particles.
-    pub input: Input,
+    pub input: Loader,
     /// The scene as `limpid render` draws it without further arguments.
     pub plain: Scene,
+    /// The processor that classifies the particles there.
+    pub plain_processor: Processor,
     /// The project with the overrides of the command line.
     pub project: Project,
     /// Frame numbers, ascending; at least one.
@@ -74,7 +77,7 @@ impl Document {
     /// Opens a source. This may read the first frame.
     ///
     /// # Errors
-    /// As [`Input::open`] and [`Input::resolve`].
+    /// As [`Request::open`].
     pub fn open(source: &Source) -> Result<Self> {
         let request = Request {
             input: Some(source.input.clone().into()),
@@ -89,11 +92,19 @@ impl Document {
             framing: source.framing,
             ..Request::default()
         };
-        let Opened { input, plain, project, .. } = request.open()?;
+        let Opened { loader: input, plain, project, .. } = request.open()?;
         let spec = source.frames.clone().unwrap_or_default();
         let mut numbers = spec.numbers(&input.sequence, input.missing)?;
         numbers.sort_unstable();
-        Ok(Self { source: source.clone(), input, plain: plain.scene, project, numbers, id: 0 })
+        Ok(Self {
+            source: source.clone(),
+            input,
+            plain: plain.scene,
+            plain_processor: plain.processor,
+            project,
+            numbers,
+            id: 0,
+        })
     }
 
     /// The frame times of playback at a speed.

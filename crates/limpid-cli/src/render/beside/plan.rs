@@ -8,7 +8,7 @@ use limpid::look::{Body, Framing};
 use limpid_io::Error;
 use limpid_io::film::{self, Shot};
 use limpid_io::frames::check_fps;
-use limpid_io::input::{FrameTime, Input};
+use limpid_io::input::{FrameTime, Loader};
 use limpid_io::open::Opened;
 use limpid_io::overlay::Overlay;
 
@@ -64,11 +64,11 @@ impl Plan {
         let sizes = Sizes::new(args.size, sources.len(), args.alpha)?;
         let opened = open(args, sources, sizes.picture)?;
         let camera = opened[0].project.camera_for(Default::default());
-        let (camera_up, files) = (opened[0].camera_up, opened[0].input.up().0);
-        let inputs: Vec<&Input> = opened.iter().map(|opened| &opened.input).collect();
-        let Clock { times, numbers, fps } = clock(args, &inputs, sources)?;
-        for ((input, times), source) in inputs.iter().zip(&times).zip(sources) {
-            input.check_files(times).map_err(|error| of_input(error, source))?;
+        let (camera_up, files) = (opened[0].camera_up, opened[0].loader.up().0);
+        let loaders: Vec<&Loader> = opened.iter().map(|opened| &opened.loader).collect();
+        let Clock { times, numbers, fps } = clock(args, &loaders, sources)?;
+        for ((loader, times), source) in loaders.iter().zip(&times).zip(sources) {
+            loader.check_files(times).map_err(|error| of_input(error, source))?;
         }
         let shots = plan::shots(args, camera, files, &numbers, fps)?;
         let destination = Destination::new(args, sources, &shots)?;
@@ -77,7 +77,7 @@ impl Plan {
             return Err(Error::Usage(problem.into()));
         }
         let inputs = sources.iter().zip(opened).zip(times).map(|((source, opened), times)| {
-            let overlay = plan::overlay(args, &opened.input);
+            let overlay = plan::overlay(args, &opened.loader);
             Planned { source: source.clone(), opened, times, overlay }
         });
         Ok(Self { inputs: inputs.collect(), sizes, shots, fps, camera_up, destination })
@@ -105,7 +105,7 @@ fn open(args: &Args, sources: &[PathBuf], size: UVec2) -> limpid_io::Result<Vec<
         opened.collect()
     };
     let alone = open(None)?;
-    let bodies = alone.iter().filter_map(|opened| opened.input.body().cloned());
+    let bodies = alone.iter().filter_map(|opened| opened.loader.body().cloned());
     match bodies.reduce(Body::with) {
         Some(together) => open(Some(&together)),
         None => Ok(alone),
@@ -114,24 +114,24 @@ fn open(args: &Args, sources: &[PathBuf], size: UVec2) -> limpid_io::Result<Vec<
 
 /// One clock for all inputs: by their times, from the first frame of each, if these differ, and else by their frames'
 /// numbers. A shorter input holds its last frame, and a single frame stands still.
-fn clock(args: &Args, inputs: &[&Input], sources: &[PathBuf]) -> limpid_io::Result<Clock> {
-    let frames = inputs.iter().zip(sources).map(|(input, source)| {
+fn clock(args: &Args, loaders: &[&Loader], sources: &[PathBuf]) -> limpid_io::Result<Clock> {
+    let frames = loaders.iter().zip(sources).map(|(loader, source)| {
         let numbers =
-            plan::spec(args.frames.as_ref(), input).numbers(&input.sequence, input.missing);
+            plan::spec(args.frames.as_ref(), loader).numbers(&loader.sequence, loader.missing);
         let mut numbers = numbers.map_err(|error| of_input(error, source))?;
-        input.check_frames(&numbers)?;
+        loader.check_frames(&numbers)?;
         numbers.sort_unstable();
         Ok(numbers)
     });
     let frames: Vec<Vec<i64>> = frames.collect::<limpid_io::Result<_>>()?;
-    let known = inputs.iter().find_map(|input| input.fps());
+    let known = loaders.iter().find_map(|loader| loader.fps());
     let fps = args.fps.or(known).unwrap_or(plan::DEFAULT_FPS);
     check_fps(fps)?;
     if let Some(time) = args.at {
-        let times = inputs.iter().zip(&frames).zip(sources).map(|((input, numbers), source)| {
+        let times = loaders.iter().zip(&frames).zip(sources).map(|((loader, numbers), source)| {
             let ends = numbers.first().zip(numbers.last());
             let held = ends.map_or(time, |(&a, &b)| time.clamp(a as f64, b as f64));
-            Ok(vec![input.frame_time(numbers, held).map_err(|error| of_input(error, source))?])
+            Ok(vec![loader.frame_time(numbers, held).map_err(|error| of_input(error, source))?])
         });
         let times: Vec<Vec<FrameTime>> = times.collect::<limpid_io::Result<_>>()?;
         return Ok(Clock { numbers: vec![times[0][0].frame], times, fps });
@@ -139,8 +139,8 @@ fn clock(args: &Args, inputs: &[&Input], sources: &[PathBuf]) -> limpid_io::Resu
     let speed = plan::speed(args)?;
     // Frames per picture, over those at the sequence's own pace.
     let paces: Vec<f64> =
-        inputs.iter().map(|input| input.fps().unwrap_or(fps) * speed / fps).collect();
-    let moving: Vec<usize> = (0..inputs.len()).filter(|&i| frames[i].len() > 1).collect();
+        loaders.iter().map(|loader| loader.fps().unwrap_or(fps) * speed / fps).collect();
+    let moving: Vec<usize> = (0..loaders.len()).filter(|&i| frames[i].len() > 1).collect();
     let by_number = moving.iter().all(|&i| paces[i] == 1.0);
     if by_number {
         let mut numbers: Vec<i64> =
@@ -156,7 +156,7 @@ fn clock(args: &Args, inputs: &[&Input], sources: &[PathBuf]) -> limpid_io::Resu
         };
         return Ok(Clock { times: frames.iter().map(shown).collect(), numbers, fps });
     }
-    let step = |i: usize| inputs[i].sequence.stride() as f64 * paces[i];
+    let step = |i: usize| loaders[i].sequence.stride() as f64 * paces[i];
     let lasts = moving.iter().map(|&i| {
         let length = frames[i][frames[i].len() - 1].abs_diff(frames[i][0]) as f64;
         (length / step(i) * (1.0 + 1e-12)).floor()
@@ -165,7 +165,7 @@ fn clock(args: &Args, inputs: &[&Input], sources: &[PathBuf]) -> limpid_io::Resu
     if last > film::MAX_SHOTS {
         return Err(Error::Usage(format!("{last:.0} pictures; expected a higher --speed")));
     }
-    let times = (0..inputs.len()).map(|i| {
+    let times = (0..loaders.len()).map(|i| {
         let at = |picture: i64| FrameTime::after(&frames[i], picture as f64 * step(i));
         (0..=last as i64).map(at).collect()
     });

@@ -95,8 +95,8 @@ struct Liquid {
 
 impl Liquid {
     fn demo() -> Result<Self> {
-        let (input, project) = Input::demo()?.resolve()?;
-        let loaded = input.load(&input.sequence.frames[0], &project.scene)?;
+        let (loader, project) = Input::demo()?.resolve()?;
+        let loaded = loader.load(&loader.sequence.frames[0], &project.scene)?;
         let mut scene = project.scene.clone();
         // What rays see that leave the picture.
         scene.environment = Environment::Constant(SKY.into());

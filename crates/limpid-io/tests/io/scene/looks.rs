@@ -67,7 +67,7 @@ fn solids_keep_the_automatic_ground() {
 #[test]
 fn the_ground_leaves_moving_solids_theirs() {
     let text = format!("{BOX}[[solid.key]]\nframe = 0\ntranslate = [3, 0, 0]\n{BOX}");
-    let Opened { input, project, .. } = opened(&text, &Request::default());
+    let Opened { loader: input, project, .. } = opened(&text, &Request::default());
     let loaded = input.load(FrameTime::at(0), &project.scene).expect("particles");
     let scene = loaded.scene(&project.scene);
     let lowest = |solid: &Solid| solid.shape.corners().map(|corners| corners[0].x);

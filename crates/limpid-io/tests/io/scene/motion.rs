@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3, UVec2, Vec3};
 use limpid::mesh::{Mesh, Placement, linear_from_srgb};
 use limpid::scene::{Shape, Solid, Surface};
 use limpid_io::adjustments::{Adjustments, Floor};
-use limpid_io::input::{FrameTime, Input, Missing, files_of};
+use limpid_io::input::{FrameTime, Input, Loader, Missing, files_of};
 use limpid_io::open::Request;
 use limpid_io::project::Project;
 use tempfile::TempDir;
@@ -52,7 +52,7 @@ fn write(folder: &TempDir, solids: &str) -> String {
     path.to_string_lossy().into_owned()
 }
 
-fn open(folder: &TempDir, solids: &str) -> (Input, Project) {
+fn open(folder: &TempDir, solids: &str) -> (Loader, Project) {
     Input::open(write(folder, solids)).expect("a scene").resolve().expect("particles")
 }
 
@@ -68,7 +68,7 @@ fn time(at: f64) -> FrameTime {
     FrameTime { frame, next: if fraction > 0.0 { frame + 1 } else { frame }, fraction }
 }
 
-fn solids((input, project): &(Input, Project), at: f64) -> Vec<Solid> {
+fn solids((input, project): &(Loader, Project), at: f64) -> Vec<Solid> {
     let moved = input.moved(time(at), &project.scene).expect("solids");
     moved.solids(&project.scene.solids).into_owned()
 }
@@ -451,7 +451,7 @@ fn motion_follows_its_solid() {
             ..Request::default()
         };
         let opened = request.open().expect("a scene");
-        let loaded = opened.input.load(time(1.0), &opened.project.scene).expect("a frame");
+        let loaded = opened.loader.load(time(1.0), &opened.project.scene).expect("a frame");
         let scene = loaded.scene(&opened.project.scene).into_owned();
         let height = |solid: &Solid| match solid.shape {
             Shape::Plane { origin, .. } => origin.y,

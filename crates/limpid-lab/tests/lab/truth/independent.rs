@@ -45,13 +45,14 @@ fn halved(picture: &RgbImage) -> RgbImage {
 fn mean_flip_of(references: &Path, adjust: impl Fn(&mut Reconstruction)) -> f64 {
     let flips = SCENES.map(|name| {
         let path = references.join("scenes").join(name).with_extension("toml");
-        let input = Input::open(path.to_str().expect("the path is UTF-8")).unwrap();
+        let Input { loader: input, project, .. } =
+            Input::open(path.to_str().expect("the path is UTF-8")).unwrap();
         let frame = match input.frame {
             Some(number) => input.sequence.frame(number).expect("the scene's frame"),
             None => &input.sequence.frames[0],
         };
         let particles = input.particles(frame).unwrap();
-        let project = input.project.expect("a scene");
+        let project = project.expect("a scene");
         let radius = project.source.files()[0].radius.expect("a radius");
         let scene = project.scene;
         let mut how = Reconstruction::among(&scene.solids);

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use crate::model::document::Document;
 use limpid::scene::Scene;
 use limpid_io::error::Result;
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::{self, FrameTime, Loaded};
 use limpid_io::shared_classifier::{Processor, SharedClassifier};
 
 /// What the frames of a cache are loaded from.
 #[derive(Debug)]
 pub(crate) struct Loader {
-    pub(crate) input: Input,
+    pub(crate) input: input::Loader,
     pub(crate) times: Arc<[FrameTime]>,
     /// The scene that particles are classified for.
     pub(crate) scene: Scene,
@@ -32,7 +32,7 @@ impl Loader {
     /// Reads and classifies the frame of an index. Waiting for a device blocks a thread, and yields in a browser.
     ///
     /// # Errors
-    /// As [`Input::finish_load`].
+    /// As [`input::Loader::finish_load`].
     pub(crate) async fn load(&self, i: usize) -> Result<Loaded> {
         self.input.finish_load(self.times[i], &self.scene).await
     }

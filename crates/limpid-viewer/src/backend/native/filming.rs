@@ -11,12 +11,12 @@ use limpid::scene::Scene;
 use limpid_io::device;
 use limpid_io::error::Result;
 use limpid_io::film::{Film, Shot};
-use limpid_io::input::{FrameTime, Input};
+use limpid_io::input::{FrameTime, Loader};
 use limpid_io::shared_classifier::SharedClassifier;
 
 /// The contents of a film.
 pub(crate) struct Script {
-    pub(crate) input: Input,
+    pub(crate) input: Loader,
     pub(crate) scene: Scene,
     pub(crate) frame_times: Arc<[FrameTime]>,
     pub(crate) shots: Vec<Shot>,

@@ -32,7 +32,7 @@ fn analytic(document: &Document) -> Option<Box<dyn reference::Liquid>> {
 /// Traces a view at a frame time: the exact body if there is one, otherwise a mesh of the particles.
 ///
 /// # Errors
-/// As [`limpid_io::input::Input::particles`] and [`Mesh::reconstruct`].
+/// As [`limpid_io::input::Loader::particles`] and [`Mesh::reconstruct`].
 pub(crate) fn of(
     document: &Document,
     scene: &Scene,

@@ -15,7 +15,7 @@ use limpid::settings::Settings;
 use limpid_io::adjustments::{Floor, Sun};
 use limpid_io::error::{Error, Result};
 use limpid_io::frame_cache::CacheState;
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::{FrameTime, Loaded, Loader};
 use limpid_io::project::{LiquidSource, Project};
 use limpid_io::sequence::{Frame, Sequence};
 use limpid_io::shared_classifier::Processor;
@@ -270,9 +270,10 @@ impl DocumentText {
         let frames = self.frames.iter().map(|&number| Frame::new(number, "".into())).collect();
         let sequence =
             Sequence { frames, pattern: source.input.clone(), fps: self.fps, absent: Vec::new() };
-        let mut input = Input::outline_of(project.clone(), sequence, self.has_files, self.fps);
+        let mut input = Loader::outline_of(&project, sequence, self.has_files, self.fps);
         input.frame = self.frame;
-        Document { source, input, plain: plain.outline(), project, numbers, id }
+        let (plain, plain_processor) = (plain.outline(), processor);
+        Document { source, input, plain, plain_processor, project, numbers, id }
     }
 }
 

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use limpid::scene::Scene;
 use limpid_io::film::Shot;
 use limpid_io::frame_cache::FrameCache;
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::{FrameTime, Loaded, Loader};
 use limpid_io::shared_classifier::SharedClassifier;
 
-pub(super) struct Loader {
+/// Loads particles on threads of its own.
+pub(super) struct Ahead {
     cache: FrameCache,
     /// Indices of the frame times in the cache, ascending: pictures of the same particles share one.
     frame_times: Vec<usize>,
@@ -17,11 +18,11 @@ pub(super) struct Loader {
     classifier: SharedClassifier,
 }
 
-impl Loader {
+impl Ahead {
     /// Begins loading the particles of `shots`, with `memory` bytes for those ahead of the next picture.
-    /// They are classified by `classifier`, which is closed with the loader.
+    /// They are classified by `classifier`, which is closed with this.
     pub(super) fn new(
-        input: Input,
+        loader: Loader,
         classifier: SharedClassifier,
         scene: &Scene,
         frame_times: &[FrameTime],
@@ -34,8 +35,8 @@ impl Loader {
         let loaded: Vec<FrameTime> = used.iter().map(|&frame| frame_times[frame]).collect();
         let workers = std::thread::available_parallelism().map_or(1, |n| n.get().min(used.len()));
         let scene = scene.clone();
-        let input = input.classified(classifier.clone());
-        let load = move |i: usize| input.load(loaded[i], &scene);
+        let loader = loader.classified(classifier.clone());
+        let load = move |i: usize| loader.load(loaded[i], &scene);
         let cache = FrameCache::new(used.len(), memory, workers, load, |_| ());
         Self { cache, looped: shots.len() > used.len(), frame_times: used, classifier }
     }
@@ -66,7 +67,7 @@ impl Loader {
     }
 }
 
-impl Drop for Loader {
+impl Drop for Ahead {
     fn drop(&mut self) {
         self.classifier.close();
     }
