@@ -49,7 +49,7 @@ check() {
 say "the package with NumPy alone"
 rm -rf "$folder/plain"
 environment plain numpy pytest mypy
-check plain --ignore test_blender.py
+check plain --ignore blender
 
 $all || exit 0
 
@@ -67,7 +67,7 @@ say "the notebook"
 say "Blender"
 # Its module is for one version of CPython, and large.
 if environment blender "bpy>=4.2" pytest pillow 2>/dev/null; then
-    LIMPID_REQUIRE_BPY=1 check blender test_blender.py
+    LIMPID_REQUIRE_BPY=1 check blender blender
 else
     say "the module bpy cannot be installed here: not tested"
 fi

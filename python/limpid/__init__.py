@@ -8,10 +8,11 @@ Right-handed coordinates, metres, linear RGB. Work releases the interpreter's lo
 """
 
 from ._errors import DeviceLost, Error, FileError, LimpidWarning, NoAdapter, SceneError
+from ._film import Film
 from ._limpid import Camera, __version__
 from ._particles import Particles, bake, read, write
 from ._picture import Images, Picture, flip
-from ._renderer import Film, Renderer, render
+from ._renderer import Renderer, render
 from ._scene import Scene, Settings
 from ._vtk import from_pyvista_camera, from_vtk
 from ._world import (

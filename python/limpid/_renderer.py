@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import atexit
 import os
-import re
-import sys
 import threading
-import warnings
-import weakref
-from collections.abc import Iterable, Iterator, Sequence, Sized
+from collections.abc import Iterable, Sequence
 from types import TracebackType
-from typing import Any, Union
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _limpid
-from ._arrays import numbers, of_length, particle_arrays, placed, radius_of, samples_of, size_of, up_of
-from ._errors import Error, LimpidWarning
+from ._arrays import size_of
+from ._drawing import Drawing, SceneLike
+from ._errors import Error
+from ._film import Film
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture
-from ._scene import Scene
 from ._world import PathLike
-
-SceneLike = Union[Scene, PathLike]
-
-_open: weakref.WeakSet[Renderer] = weakref.WeakSet()
 
 
 class Renderer:
@@ -50,22 +41,16 @@ class Renderer:
     def __init__(self, device: str = "auto") -> None:
         if not isinstance(device, str) or not device:
             raise ValueError(f'device is {device!r}; expected "auto" or a part of an adapter\'s name')
-        # Mesa's device-select layer would ask a display server, and complain if there is none.
-        os.environ.setdefault("NODEVICE_SELECT", "1")
-        self._device = _limpid.Device(None if device == "auto" else device)
-        # Of the last picture: its scenes, which were looked at, and what was said about it.
-        self._known: tuple[Any, ...] = ()
-        self._issued: set[str] = set()
-        _open.add(self)
+        self._drawing = Drawing(device)
 
     @property
     def adapter(self) -> str:
         """The adapter's name."""
-        return self._device.adapter
+        return self._drawing.adapter
 
     def close(self) -> None:
         """Closes the device; pictures stay as they are."""
-        self._device.close()
+        self._drawing.close()
 
     def __enter__(self) -> Renderer:
         return self
@@ -173,7 +158,7 @@ class Renderer:
             If units, radius or camera are likely wrong, or if particles without a finite position are left
             out, up to half of them; in a series of pictures once.
         """
-        return self._render(
+        return self._drawing.picture(
             positions,
             radius=radius,
             velocities=velocities,
@@ -239,119 +224,19 @@ class Renderer:
         if not views:
             width, height = size_of(size)
             return np.empty((0, height, width, 4), np.uint8)
-        drawn, scene = self._drawn(
+        return self._drawing.views(
             positions,
+            views,
             radius=radius,
             ellipsoids=ellipsoids,
             colors=colors,
             scene=scene,
-            camera=views[0],
-            views=views,
             size=size,
             samples=samples,
             alpha=alpha,
             up=up,
             frame=frame,
         )
-        self._known = (scene, scene)
-        self._warn(drawn["notices"])
-        pictures: npt.NDArray[np.uint8] = drawn["rgba"]
-        return pictures
-
-    def _render(
-        self, positions: npt.ArrayLike | Particles, *, alpha: bool = False, **others: Any
-    ) -> Picture:
-        drawn, scene = self._drawn(positions, alpha=alpha, **others)
-        picture = Picture(drawn, scene, bool(alpha))
-        self._known = (scene, picture.scene)
-        self._warn(drawn["notices"])
-        return picture
-
-    def _drawn(
-        self,
-        positions: npt.ArrayLike | Particles,
-        *,
-        radius: npt.ArrayLike | None = None,
-        velocities: npt.ArrayLike | None = None,
-        ids: npt.ArrayLike | None = None,
-        ellipsoids: npt.ArrayLike | None = None,
-        colors: npt.ArrayLike | None = None,
-        scene: SceneLike | None = None,
-        camera: Camera | None = None,
-        size: Sequence[int] = (1024, 768),
-        samples: int | None = None,
-        aovs: Iterable[str] = (),
-        alpha: bool = False,
-        up: str | None = None,
-        frame: int = 0,
-        thickness: float | None = None,
-        views: Sequence[Camera] = (),
-    ) -> tuple[dict[str, Any], Scene | None]:
-        """What the device draws, with the scene that was given."""
-        if isinstance(positions, Particles):
-            own = positions
-            velocities = own.velocities if velocities is None else velocities
-            ellipsoids = own.ellipsoids if ellipsoids is None else ellipsoids
-            ids = own.ids if ids is None else ids
-            colors = own.colors if colors is None else colors
-            if radius is None:
-                radius = own.radius if own.radii is None else own.radii
-            positions = own.positions
-        value, radii = radius_of(radius)
-        arrays = particle_arrays(
-            positions, velocities=velocities, radii=radii, ids=ids, ellipsoids=ellipsoids
-        )
-        places = arrays["positions"]
-        assert places is not None
-        tints = None if colors is None else _colors(colors, len(places))
-        kept = placed(places)
-        if kept is not None:
-            arrays = {name: None if array is None else array[kept] for name, array in arrays.items()}
-            tints = None if tints is None else tints[kept]
-        scene = _scene(scene)
-        if camera is not None and not isinstance(camera, Camera):
-            raise ValueError(f"camera is {camera!r}; expected a limpid.Camera")
-        names = _names(aovs)
-        if isinstance(frame, bool) or not isinstance(frame, (int, np.integer)):
-            raise ValueError(f"frame is {frame!r}; expected a whole number")
-        if not -(2**62) < frame < 2**62:
-            raise ValueError(f"frame is {frame}; expected a number between -2**62 and 2**62")
-        # What was looked at once does not need to be looked at for each picture of a series: of one scene.
-        described = scene is not None and any(scene is known for known in self._known)
-        if not described:
-            self._issued.clear()
-        drawn = self._device.draw(
-            arrays,
-            tints,
-            None if scene is None else scene._project,
-            camera,
-            up_of(up),
-            value,
-            int(frame),
-            size_of(size),
-            samples_of(samples),
-            names,
-            bool(alpha),
-            thickness,
-            views,
-            described,
-        )
-        if kept is not None:
-            lost, first = np.count_nonzero(~kept), np.argmin(kept)
-            notice = (
-                f"{lost} of {len(kept)} particles have no finite position and are left out "
-                f"(the first: particle {first})"
-            )
-            drawn["notices"].insert(0, notice)
-        return drawn, scene
-
-    def _warn(self, notices: list[str]) -> None:
-        """Warns of what was not yet said, whatever its numbers, about the series."""
-        for notice in notices:
-            words = re.sub(r"[0-9.,]+", "", notice)
-            if words not in self._issued:
-                self._issued.add(words)
-                warnings.warn(notice, LimpidWarning, stacklevel=_level_of_caller())
 
     def film(
         self,
@@ -398,185 +283,7 @@ class Renderer:
         ValueError, OSError
             As `render`; if the film cannot be written, before anything is drawn.
         """
-        return Film(self, source, path, fps, radius, scene, camera, size, samples, up)
-
-
-class Film(Iterator[Picture]):
-    """The pictures of a film that is being written: see `Renderer.film`."""
-
-    def __init__(
-        self,
-        renderer: Renderer,
-        source: Iterable[Any] | PathLike,
-        path: PathLike,
-        fps: float | None,
-        radius: npt.ArrayLike | None,
-        scene: SceneLike | None,
-        camera: Camera | Iterable[Camera] | None,
-        size: Sequence[int],
-        samples: int | None,
-        up: str | None,
-    ) -> None:
-        self._renderer = renderer
-        self._size = size_of(size)
-        self._samples = samples_of(samples)
-        self._scene = _scene(scene)
-        self._radius = radius
-        self._up = up_of(up)
-        self._number = 0
-        self._settled = False
-        self._drawing = threading.Lock()
-        self._thickness: float | None = None
-        self._cameras: Iterator[Camera] | None = None
-        self._camera: Camera | None = None
-        if camera is None or isinstance(camera, Camera):
-            self._camera = camera
-        else:
-            try:
-                self._cameras = iter(camera)
-            except TypeError:
-                raise ValueError(f"camera is {camera!r}; expected one Camera, or a list") from None
-        self._frames: _limpid.Frames | None = None
-        self._particles: Iterator[Any] | None = None
-        self._count: int | None = None
-        own_fps: float | None = None
-        if isinstance(source, (str, os.PathLike)):
-            if self._cameras is not None:
-                raise ValueError("camera is a list; files take one camera")
-            value, radii = radius_of(radius)
-            if radii is not None:
-                raise ValueError("radius is an array; files take one radius")
-            project = None if self._scene is None else self._scene._project
-            self._frames = _limpid.Frames.open(
-                os.fspath(source),
-                project,
-                self._camera,
-                self._up,
-                value,
-                self._samples,
-                self._size,
-            )
-            self._count = len(self._frames)
-            own_fps = self._frames.fps
-        else:
-            if isinstance(source, Particles) or getattr(source, "ndim", 3) == 2:
-                raise ValueError("source is one frame; expected frames, as [positions, ...]")
-            if isinstance(source, Sized):
-                self._count = len(source)
-            own_fps = getattr(source, "fps", None)
-            try:
-                self._particles = iter(source)
-            except TypeError:
-                raise ValueError(f"source is {source!r}; expected a path, or frames") from None
-        rate = fps if fps is not None else own_fps if own_fps is not None else 30.0
-        try:
-            rate = float(rate)
-        except (TypeError, ValueError):
-            given = own_fps if fps is None else fps
-            raise ValueError(f"fps is {given!r}; expected pictures per second") from None
-        self._file: _limpid.FilmFile | None = _limpid.FilmFile(
-            os.fspath(path), self._size[0], self._size[1], rate
-        )
-
-    def __len__(self) -> int:
-        if self._count is None:
-            raise TypeError("the source has no length")
-        return self._count
-
-    def __length_hint__(self) -> int:
-        return self._count or 0
-
-    def __next__(self) -> Picture:
-        if not self._drawing.acquire(blocking=False):
-            raise ValueError("the film is already drawing, in another thread")
-        try:
-            file = self._file
-            if file is None:
-                raise StopIteration
-            try:
-                return self._draw(file)
-            except StopIteration:
-                self._file = None
-                file.finish()
-                raise
-            except BaseException:
-                self.close()
-                raise
-        finally:
-            self._drawing.release()
-
-    def run(self) -> None:
-        """Draws all pictures that are left, and so completes the film."""
-        for _ in self:
-            pass
-
-    def close(self) -> None:
-        """Removes the film, unless it is complete."""
-        if self._file is not None:
-            file, self._file = self._file, None
-            file.abandon()
-
-    def __enter__(self) -> Film:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def __del__(self) -> None:
-        if getattr(self, "_file", None) is not None:
-            self.close()
-
-    def _draw(self, file: _limpid.FilmFile) -> Picture:
-        number = self._number
-        if self._frames is not None:
-            if number == len(self._frames):
-                raise StopIteration
-            renderer = self._renderer
-            drawn = renderer._device.draw_frame(self._frames, number, self._size, number > 0)
-            if number == 0:
-                renderer._known = ()
-                renderer._issued.clear()
-            renderer._warn(drawn["notices"])
-            picture = Picture(drawn, self._scene, False)
-        else:
-            assert self._particles is not None
-            positions = next(self._particles)
-            camera = self._camera
-            if self._cameras is not None:
-                camera = next(self._cameras, None)
-                if camera is None:
-                    raise ValueError(f"camera has {number} entries, and there are more frames")
-                if not isinstance(camera, Camera):
-                    raise ValueError(f"camera has {camera!r}; expected a limpid.Camera")
-            picture = self._renderer._render(
-                positions,
-                radius=self._radius,
-                scene=self._scene,
-                camera=camera,
-                size=self._size,
-                samples=self._samples,
-                up=self._up,
-                frame=number,
-                thickness=self._thickness,
-            )
-            if not self._settled and picture.particles > 0:
-                self._settle(picture)
-        file.push(picture.rgba)
-        self._number += 1
-        return picture
-
-    def _settle(self, picture: Picture) -> None:
-        """Keeps what was made to fit the first frame with particles."""
-        self._settled = True
-        self._scene = picture.scene
-        self._thickness = picture._thickness
-        # The scene has the axis.
-        self._up = None
+        return Film(self._drawing, source, path, fps, radius, scene, camera, size, samples, up)
 
 
 _default: Renderer | None = None
@@ -605,7 +312,7 @@ def render(
     with _default_lock:
         if _default is None:
             _default = Renderer()
-    return _default._render(
+    return _default.render(
         positions,
         radius=radius,
         velocities=velocities,
@@ -623,63 +330,11 @@ def render(
     )
 
 
-def _scene(scene: Any) -> Scene | None:
-    if scene is None or isinstance(scene, Scene):
-        return scene
-    if isinstance(scene, (str, os.PathLike)):
-        return Scene.load(scene)
-    raise ValueError(f"scene is {scene!r}; expected a limpid.Scene or the path of a scene file")
-
-
-def _colors(colors: Any, count: int) -> npt.NDArray[np.float32]:
-    array = of_length("colors", numbers("colors", colors, ("n", 3)), count)
-    single = np.ascontiguousarray(array, np.float32)
-    good = (single > 0) & (single <= 1)
-    if not good.all():
-        row = int(np.argmin(good.all(axis=1)))
-        raise ValueError(
-            f"colors: particle {row} has {single[row].tolist()}; expected numbers above 0 and at most 1"
-        )
-    return single
-
-
-def _names(aovs: Any) -> list[str]:
-    if isinstance(aovs, str):
-        aovs = aovs.split(",")
-    try:
-        return [str(name).strip() for name in aovs]
-    except TypeError:
-        raise ValueError(f"aovs is {aovs!r}; expected names of images") from None
-
-
-def _level_of_caller() -> int:
-    """The level, for `warnings.warn`, of the code that called this package."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("limpid."):
-        level, frame = level + 1, frame.f_back
-    return level
-
-
-def _finish() -> None:
-    """Ends what threads still draw, and closes all devices, before the interpreter does."""
-    # Python ends such a process by the signal itself, which does not wait for a device.
-    interrupted = getattr(sys, "last_type", None) is KeyboardInterrupt and not hasattr(sys, "ps1")
-    _limpid.finish(interrupted)
-    if interrupted:
-        return
-    for renderer in list(_open):
-        renderer.close()
-
-
-atexit.register(_finish)
-
-
 def _forget() -> None:
     """In a forked child there is no device."""
     global _default, _default_lock
     _default = None
     _default_lock = threading.Lock()
-    _open.clear()
 
 
 if hasattr(os, "register_at_fork"):

@@ -186,7 +186,7 @@ def test_particles_without_a_place_are_left_out(renderer, ball, scene):
         holed = {k: np.insert(v, 3, v[0], axis=0) if k != "scene" else v for k, v in whole.items()}
         with pytest.warns(limpid.LimpidWarning, match="particles have no finite position.*particle 3"):
             drawn = renderer.render(np.insert(ball, 3, nothing, axis=0), **holed, size=SMALL).rgba
-            renderer._issued.clear()
+            renderer._drawing._issued.clear()
         assert np.array_equal(drawn, expected), nothing
 
 
