@@ -1,13 +1,11 @@
 //! Sequences: the files of an input, as numbered frames.
 
 mod frame_time;
+mod missing;
 mod names;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
-
-use serde::{Deserialize, Serialize};
 
 use crate::budget::Budget;
 use crate::error::{Error, Result};
@@ -20,6 +18,7 @@ use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
 
 pub use self::frame_time::FrameTime;
+pub use self::missing::Missing;
 pub(crate) use self::names::is_absent;
 use self::names::{
     NOT_TEXT, Pattern, absent, common_prefix, extension, file_name, file_names, is_piece_list,
@@ -50,33 +49,6 @@ pub struct Frame {
     pub parts: Vec<PathBuf>,
     /// Its part of the file, if that has several frames.
     pub section: Option<Section>,
-}
-
-/// The treatment of frames that are missing or cannot be read.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Missing {
-    /// An error.
-    #[default]
-    Error,
-    /// A frame without particles, or without the solid.
-    Empty,
-    /// The nearest frame before that can be read; before the first, an empty one.
-    Hold,
-}
-
-impl FromStr for Missing {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "error" => Ok(Self::Error),
-            "empty" => Ok(Self::Empty),
-            "hold" => Ok(Self::Hold),
-            _ => Err(Error::Usage(format!(
-                "missing frames: `{text}`; expected error, empty or hold"
-            ))),
-        }
-    }
 }
 
 impl Frame {
