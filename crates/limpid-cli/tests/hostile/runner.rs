@@ -9,7 +9,7 @@ use std::time::Duration;
 use limpid::gpu::Gpu;
 use rayon::prelude::*;
 
-use super::cases::{CASES, Case, Way};
+use super::cases::{self, Case, Way};
 
 /// Splits a command line into words; quoted words may contain blanks.
 fn words(line: &str) -> Vec<String> {
@@ -119,9 +119,9 @@ fn every_case_has_its_listed_outcome() {
         Way::Full => mount,
         Way::FullDrawing => mount && adapter,
     };
-    let skipped = CASES.iter().filter(|case| !possible(case)).count();
-    eprintln!("{skipped} of {} cases are not possible here", CASES.len());
-    let cases: Vec<_> = CASES.iter().filter(possible).collect();
+    let skipped = cases::all().filter(|case| !possible(case)).count();
+    eprintln!("{skipped} of {} cases are not possible here", cases::all().count());
+    let cases: Vec<_> = cases::all().filter(possible).collect();
     let wrong: Vec<String> = cases
         .par_iter()
         .filter_map(|case| Some(format!("{}: {}", case.what, run(case, limpid).err()?)))
