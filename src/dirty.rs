@@ -6,7 +6,6 @@
 use crate::camera::View;
 use crate::frame::FrameInput;
 use crate::liquid::classify::{Splat, Splats};
-use crate::liquid::colors::Colors;
 use crate::passes::view_passes::ViewConfig;
 use crate::scene::Scene;
 use crate::settings::Refract;
@@ -17,7 +16,6 @@ pub(crate) struct LastFrame {
     scene: Scene,
     view: View,
     splats: Splats,
-    colors: Option<Colors>,
     config: ViewConfig,
     diagnosed: bool,
 }
@@ -76,7 +74,6 @@ impl Dirty {
             || old.refract != new.refract
             || last.scene.environment != scene.environment
             || last.scene.background != scene.background
-            || last.colors.as_ref() != input.colors
             || last.diagnosed != diagnose;
         Self { splats, lights, surfaces, radiance }
     }
@@ -102,9 +99,9 @@ impl LastFrame {
             kept.splashes.clone_from(&splats.splashes);
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
             kept.device.clone_from(&splats.device);
+            kept.colors.clone_from(&splats.colors);
         }
-        let (scene, colors) = (scene.clone(), input.colors.cloned());
-        Self { scene, view, splats: kept, colors, config, diagnosed: diagnose }
+        Self { scene: scene.clone(), view, splats: kept, config, diagnosed: diagnose }
     }
 }
 
@@ -135,6 +132,7 @@ fn same_splats(a: &Splats, b: &Splats) -> bool {
         && a.bulk == b.bulk
         && a.origin == b.origin
         && a.device == b.device
+        && a.colors == b.colors
         && a.aggregates.len() == b.aggregates.len()
         && a.splashes.len() == b.splashes.len()
         && bytes(&a.aggregates) == bytes(&b.aggregates)

@@ -5,7 +5,6 @@ use glam::UVec2;
 use crate::camera::View;
 use crate::host::Host;
 use crate::liquid::classify::Splats;
-use crate::liquid::colors::Colors;
 use crate::motion::Motion;
 use crate::scene::Scene;
 
@@ -30,8 +29,6 @@ pub struct FrameInput<'a> {
     pub view: View,
     /// The liquid.
     pub splats: &'a Splats,
-    /// Colours of the particles, in place of one colour for all; of opaque bodies.
-    pub colors: Option<&'a Colors>,
     /// Pixels of the picture.
     pub size: UVec2,
     /// The picture of the program that uses limpid: liquid appears in it, and rays see it. The scene's solids
@@ -58,7 +55,6 @@ impl<'a> FrameInput<'a> {
             scene,
             view: view.into(),
             splats,
-            colors: None,
             size,
             host: None,
             surface: None,

@@ -5,7 +5,6 @@ mod between;
 pub mod blocks;
 pub mod bulk;
 pub mod classify;
-pub mod colors;
 #[doc(hidden)]
 pub mod counting_sort;
 mod device_particles;
@@ -15,7 +14,7 @@ mod up;
 
 pub use crate::up_axis::Up;
 pub use bulk::Bulk;
-pub use colors::{ColorMap, Colors};
+pub use classify::colors::{ColorMap, Colors};
 pub use device_particles::{Attribute, Counter, DeviceParticles};
 pub use ellipsoid::Ellipsoid;
 pub use particles::Particles;

@@ -12,7 +12,7 @@ use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, Submitted
 use crate::host::HostRays;
 use crate::lights::{Lights, PreparedLight};
 use crate::liquid::blocks::Blocks;
-use crate::liquid::colors::ColorMap;
+use crate::liquid::classify::colors::ColorMap;
 use crate::memory;
 use crate::passes::caustics::CausticMap;
 use crate::passes::color::{Color, ColorImages};
@@ -408,12 +408,13 @@ impl Renderer {
 
     /// Prepares the radiance of an opaque body.
     fn prepare_body(&mut self, frame: &mut PreparedFrame<'_>) {
-        let FrameInput { scene, splats, colors, size, .. } = frame.input;
+        let FrameInput { scene, splats, size, .. } = frame.input;
         if !scene.is_opaque() {
             (self.shaded, self.colored) = (None, None);
             return;
         }
         let (gpu, eye) = (&self.gpu, &self.camera_view);
+        let colors = splats.colors.as_ref();
         frame.color = colors.map(|colors| {
             let kept = self.colored.get_or_insert_with(|| ColorImages::new(gpu, size));
             Color::prepare(gpu, eye, &frame.uniform, colors, kept)

@@ -64,7 +64,7 @@ pub struct Liquid {
     /// Absorption coefficients of red, green and blue light, 1/m.
     pub absorption: Vec3,
     /// Albedo of an opaque body, linear RGB from 0 to 1, unless its particles have
-    /// [colours](crate::frame::FrameInput::colors).
+    /// [colours](crate::liquid::classify::Splats::colors).
     pub color: Vec3,
     /// Roughness of an opaque body's coat: the α of GGX microfacets, 0 to 1 (Walter et al. 2007).
     pub roughness: f32,

@@ -6,12 +6,13 @@
 
 #import shade/surface.wgsl
 
-override DIRECTIONS: u32 = 8u;  // of the hemisphere
-const STEPS: u32 = 9u;          // along each
-const GROWTH: f32 = 1.75;       // of a step to the next
-const MIRRORED: u32 = 2u;       // directions of the coat's reflection
+const DIRECTIONS: u32 = 4u;     // of the hemisphere
+const STEPS: u32 = 12u;         // along each
+const GROWTH: f32 = 1.5;        // of a step to the next
+const MIRRORED: u32 = 1u;       // directions of the coat's reflection
 
-// Light of the hemisphere, its reflection in the coat, and the share of the body in the way times its albedo.
+// Light of the hemisphere, its reflection in the coat, the share of the body in the way times its albedo, and the
+// reflectance of the coat.
 @group(1) @binding(5) var around: texture_storage_2d<rgba32uint, write>;
 
 struct Seen {
@@ -25,7 +26,7 @@ struct Seen {
 const THICKNESS: f32 = 8.0;
 const THICKNESS_SHARE: f32 = 0.6;
 // Behind a front by less than this share of the way, a ray may just follow a level surface.
-const LEVEL_SHARE: f32 = 0.06;
+const LEVEL_SHARE: f32 = 0.01;
 
 fn look(body: Body, d: vec3f, jitter: f32, width: f32) -> Seen {
     let side = camera_pixel_side(body.position);
@@ -77,7 +78,7 @@ fn packed_rgb(color: vec3f) -> u32 {
     return mantissas.x | (mantissas.y << 9u) | (mantissas.z << 18u) | (u32(exponent) << 27u);
 }
 
-// Three numbers from 0 to 1 in thousandths: those of eight directions are exact.
+// Three numbers from 0 to 1 in thousandths: those of four directions are exact.
 fn packed_shares(shares: vec3f) -> u32 {
     let parts = vec3u(clamp(shares, vec3f(0.0), vec3f(1.0)) * 1000.0 + 0.5);
     return parts.x | (parts.y << 10u) | (parts.z << 20u);
@@ -110,6 +111,7 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
         bounced += seen.blocked / f32(DIRECTIONS);
     }
     var mirrored = vec3f(0.0);
+    var reflectance = 0.0;
     if COATED {
         let alpha2 = params.roughness * params.roughness;
         for (var i = 0u; i < MIRRORED; i++) {
@@ -125,13 +127,15 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
             d = normalize(d + max(1e-3 - dot(d, body.normal), 0.0) * body.normal);
             let seen = look(body, d, shift.y, params.roughness);
             // The body in the way is about as bright as this place.
-            let radiance = seen.radiance + seen.blocked * light / max(vec3f(1.0) - bounced, vec3f(0.1));
-            mirrored += coat_reflectance(cos_theta) * radiance / f32(MIRRORED);
+            let radiance = seen.radiance + seen.blocked * bounced_light(light, bounced);
+            let share = coat_reflectance(cos_theta) / f32(MIRRORED);
+            mirrored += share * radiance;
+            reflectance += share;
         }
     }
     textureStore(
         around,
         p,
-        vec4u(packed_rgb(light), packed_rgb(mirrored), packed_shares(bounced), 0u),
+        vec4u(packed_rgb(light), packed_rgb(mirrored), packed_shares(bounced), bitcast<u32>(reflectance)),
     );
 }

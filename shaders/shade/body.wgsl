@@ -20,13 +20,11 @@ struct Around {
     light: vec3f,
     mirrored: vec3f,
     bounced: vec3f,
+    reflectance: f32,
 }
 
 // How far pixels of one surface lie off its plane, in particle radii.
 const OFF_PLANE: f32 = 1.0;
-
-// Share of the hemisphere that the directions may miss.
-const NARROW: f32 = 0.003;
 
 fn around_of(p: vec2i, body: Body) -> Around {
     var sum: Around;
@@ -45,10 +43,16 @@ fn around_of(p: vec2i, body: Body) -> Around {
         sum.light += share * unpacked_rgb(bits.x);
         sum.mirrored += share * unpacked_rgb(bits.y);
         sum.bounced += share * unpacked_shares(bits.z);
+        sum.reflectance += share * bitcast<f32>(bits.w);
         weight += share;
     }
     let inverse = 1.0 / max(weight, 1.0);
-    return Around(inverse * sum.light, inverse * sum.mirrored, inverse * sum.bounced);
+    return Around(
+        inverse * sum.light,
+        inverse * sum.mirrored,
+        inverse * sum.bounced,
+        inverse * sum.reflectance,
+    );
 }
 
 // Share of a light that the body does not keep from itself. Its layers seen from the light say where that enters it; a place
@@ -97,8 +101,7 @@ fn shade_body(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
     }
     let albedo = albedo_at(p);
     let around = around_of(p, body);
-    // All bounces between places that are lit alike: a geometric series. Where no direction leads out, a narrower one might.
-    var diffuse = (around.light + NARROW * scene.ambient) / (vec3f(1.0 + NARROW) - around.bounced);
+    var diffuse = bounced_light(around.light, around.bounced);
     var mirrored = around.mirrored;
     let cos_o = max(dot(body.normal, body.eye), 1e-3);
     let x = camera_world_point(body.position);
@@ -122,7 +125,7 @@ fn shade_body(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
     }
     var radiance = albedo * diffuse;
     if COATED {
-        radiance = (1.0 - coat_reflectance(cos_o)) * radiance + mirrored;
+        radiance = (1.0 - around.reflectance) * radiance + mirrored;
     }
     textureStore(body_radiance, p, vec4f(radiance, 1.0));
 }

@@ -76,6 +76,15 @@ fn coat_reflectance(cos_theta: f32) -> f32 {
     return optics_fresnel(cos_theta, optics_cos_transmitted(cos_theta, params.ior), params.ior);
 }
 
+// Share of the hemisphere that the directions may miss.
+const NARROW: f32 = 0.003;
+
+// Light of the hemisphere with all bounces between places that are lit alike: a geometric series of the albedo of the body in
+// the way. Where no direction leads out, a narrower one might.
+fn bounced_light(light: vec3f, bounced: vec3f) -> vec3f {
+    return (light + NARROW * scene.ambient) / (vec3f(1.0 + NARROW) - bounced);
+}
+
 // Two unit vectors perpendicular to a unit vector and to each other (Duff et al., Building an Orthonormal Basis,
 // Revisited, 2017).
 fn basis_around(n: vec3f) -> mat2x3f {

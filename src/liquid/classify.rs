@@ -11,6 +11,7 @@
 //! lower the surface by a particle. Splats at the surface then move onto an iso-surface of the density
 //! ([`Classify::iso_surface`]).
 
+pub mod colors;
 pub mod device;
 mod grid;
 mod interior;
@@ -31,6 +32,7 @@ use crate::liquid::ellipsoid::Ellipsoid;
 use crate::liquid::particles::{self, Particles, drawable};
 use crate::memory;
 use crate::settings::Classify;
+use colors::Colors;
 use grid::Grid;
 use iso_surface::Search;
 use moments::Moments;
@@ -145,6 +147,8 @@ pub struct Splats {
     pub bulk: Option<(DVec3, DVec3)>,
     /// Splats that only the device has, of [`Classifier::record`]; the lists are then empty.
     pub device: Option<DeviceSplats>,
+    /// Colours of the particles, which opaque bodies show in place of one colour for all.
+    pub colors: Option<Colors>,
 }
 
 impl Splats {
@@ -390,6 +394,7 @@ impl Cloud {
             is_hull: self.is_hull,
             bulk: None,
             device: None,
+            colors: None,
         }
     }
 }

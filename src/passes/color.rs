@@ -13,7 +13,7 @@ use super::bins::{AGGREGATES, BinBuffers, Bins, Listed};
 use super::view_passes::{SplatSet, ViewPasses};
 use crate::camera::CameraUniform;
 use crate::gpu::{self, Bound, Gpu, Span, TILE};
-use crate::liquid::colors::{ColorMap, Colors, MAP_COLORS, SUPPORT};
+use crate::liquid::classify::colors::{ColorMap, Colors, MAP_COLORS, SUPPORT};
 
 /// `Coloring` of `color/means.wgsl`.
 #[repr(C)]
@@ -25,8 +25,6 @@ pub struct Coloring {
     pub low: f32,
     /// Inverse of the range of the map.
     pub per_range: f32,
-    /// Padding.
-    pub pad: u32,
 }
 
 /// The colours of a frame's surface, and the particles' on the device.
@@ -110,7 +108,6 @@ impl Color {
             per_radius: (SUPPORT * kernels.radius).max(f32::MIN_POSITIVE).recip(),
             low,
             per_range: range.recip(),
-            pad: 0,
         };
         let coloring = gpu.buffer_with("coloring", gpu::UNIFORM, &[coloring]);
         let table = colors.map().map_or_else(Vec::new, |map| map.table());

@@ -14,7 +14,7 @@ use super::view_passes::ViewPasses;
 use crate::gpu::{self, Bound, Commands, Gpu, Span};
 use crate::scene::Scene;
 
-/// Format of the light around each pixel: two packed colours, a third, and a disparity.
+/// Format of the light around each pixel: three packed colours, and a reflectance.
 const AROUND: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 
 /// `Params` of `shade/surface.wgsl`.
@@ -182,7 +182,7 @@ impl Shade {
 }
 
 /// Work of a pixel, in layer evaluations: steps along its directions.
-const WORK: u64 = 8 * 9;
+const WORK: u64 = 5 * 12;
 
 #[cfg(test)]
 mod tests {

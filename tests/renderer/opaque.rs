@@ -5,7 +5,6 @@ use std::f64::consts::PI;
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
-use limpid::frame::FrameInput;
 use limpid::liquid::classify::{Splats, classify};
 use limpid::liquid::{ColorMap, Colors, Particles};
 use limpid::scene::{Kind, Light, Liquid, Scene, Shape, Solid, Surface};
@@ -92,7 +91,7 @@ fn matt_spheres_follow_lambert() {
 /// A body shades another one, and lit solids; a solid shades a body.
 #[test]
 fn bodies_and_solids_shade_each_other() {
-    const RADIUS: f32 = 0.2;
+    const RADIUS: f32 = 0.3;
     let Some(mut harness) = harness() else { return };
     let mut scene = opaque(Vec3::splat(0.5));
     scene.lights = vec![sun(Vec3::NEG_X, 2.0)];
@@ -107,7 +106,7 @@ fn bodies_and_solids_shade_each_other() {
         images.radiance(u.as_uvec2()).x
     };
     // Towards the sun and the eye.
-    let [left, right] = [-1.0, 1.0].map(|x| Vec3::new(x + 0.3, 0.0, 0.4));
+    let [left, right] = [-1.0, 1.0].map(|x| Vec3::new(x + 0.43, 0.0, 0.25));
     let alone = harness.render(&scene, &camera, &splats(&both[..1], &[], RADIUS), SIZE);
     let lit = radiance(&alone, left);
     assert!(lit > 0.1, "{lit} in the sun");
@@ -124,7 +123,7 @@ fn bodies_and_solids_shade_each_other() {
     let behind = harness.render(&scene, &camera, &splats(&both[1..2], &[], RADIUS), SIZE);
     assert!(radiance(&behind, right) < 1e-3, "the wall shades the body");
     scene.solids = vec![wall(-2.0)];
-    let on_wall = Vec3::new(-1.9, 0.0, 0.3);
+    let on_wall = Vec3::new(-1.9, 0.0, 0.05);
     scene.lights = vec![sun(Vec3::new(-1.0, 0.0, -0.05), 2.0)];
     let camera = Camera { eye: DVec3::new(1.0, 1.5, 4.0), ..camera };
     let view = View::new(&camera, SIZE);
@@ -234,6 +233,7 @@ fn colors_are_the_kernels_mean() {
     // The map's range leaves some out on either side.
     let range = [10.0, 30.0];
     let colors = Colors::by_value(&particles, radius, &splats, &values, map(range)).unwrap();
+    let splats = Splats { colors: Some(colors), ..splats };
     let mut scene = opaque(Vec3::ONE);
     // From the eye, so that no light bounces into shadows.
     scene.lights = vec![sun(Vec3::new(-0.8, -1.2, -1.6), 3.0)];
@@ -241,7 +241,7 @@ fn colors_are_the_kernels_mean() {
     let camera = Camera { eye: target + DVec3::new(0.8, 1.2, 1.6), target, ..on_axis(1.0, 40.0) };
     let size = UVec2::new(160, 120);
     let view = View::new(&camera, size);
-    let input = FrameInput { colors: Some(&colors), ..diagnosed(&scene, &camera, &splats, size) };
+    let input = diagnosed(&scene, &camera, &splats, size);
     let harness = &mut *harness;
     let images = render(&harness.gpu, &mut harness.renderer, input);
     let (mut places, mut off) = (0, 0);
@@ -284,7 +284,8 @@ fn given_colors_are_shown() {
     };
     let harness = &mut *harness;
     let scene = lone(Vec3::ZERO);
-    let input = FrameInput { colors: Some(&colors), ..diagnosed(&scene, &camera, &splats, SIZE) };
+    let colored = Splats { colors: Some(colors), ..splats.clone() };
+    let input = diagnosed(&scene, &camera, &colored, SIZE);
     let given = render(&harness.gpu, &mut harness.renderer, input);
     let one = harness.render(&lone(color), &camera, &splats, SIZE);
     for p in given.pixels() {

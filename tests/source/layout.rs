@@ -10,7 +10,8 @@ use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
-    Layers, bins, caustics, gaps, host, refract, scene_binding, smooth, surface, tiles, tonemap,
+    Layers, bins, caustics, color, gaps, host, refract, scene_binding, shade, smooth, surface,
+    tiles, tonemap,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -222,6 +223,9 @@ fn passes() -> Vec<Shared> {
         corner,
         pad,
     });
+    let coloring = rust_struct!(color::Coloring { per_radius, low, per_range });
+    let shade =
+        rust_struct!(shade::Params { albedo, ior, roughness, mean_transmittance, radius, pad });
     let sections = rust_struct!(tiles::Sections { tiles, words, count });
     vec![
         (bins_params, "bins/project.wgsl", "Params"),
@@ -234,6 +238,8 @@ fn passes() -> Vec<Shared> {
         (sections, "tiles.wgsl", "Sections"),
         (gaps, "gaps/split.wgsl", "Params"),
         (structure, "refract/structure.wgsl", "Params"),
+        (coloring, "color/means.wgsl", "Coloring"),
+        (shade, "shade/around.wgsl", "Params"),
     ]
 }
 
@@ -314,6 +320,7 @@ fn shared_constants_agree() {
         ("gbuffer.wgsl", "MAX_SOLIDS", scene::MAX_SOLIDS as u32),
         ("gbuffer.wgsl", "MAX_LIGHTS", scene::MAX_LIGHTS as u32),
         ("mixture/sums.wgsl", "MAX_FLUIDS", scene::MAX_FLUIDS as u32),
+        ("color/means.wgsl", "COLORS", classify::colors::MAP_COLORS as u32),
         (
             "gbuffer.wgsl",
             "MAX_LIGHT_VIEWS",

@@ -10,9 +10,10 @@ use limpid::environment::Environment;
 use limpid::frame::{FrameInput, Target};
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{Splat, Splats};
+use limpid::liquid::{ColorMap, Colors, Particles};
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
-use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+use limpid::scene::{Kind, Light, Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::{Curve, Filter, Fresnel, Method, Reflections, Solids, Solver, Unit};
 use limpid::wgpu;
 
@@ -158,6 +159,32 @@ fn every_kind_of_frame_is_valid() {
                         draw(&scene, &splats(5, splashes), diagnose, &what);
                     }
                 }
+            }
+        }
+    }
+}
+
+/// Opaque bodies of all kinds, one after the other.
+#[test]
+fn opaque_bodies_are_valid() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    let particles = Particles::from_positions(vec![Vec3::ZERO; 5]);
+    let map = ColorMap { colors: vec![Vec3::ZERO, Vec3::ONE], range: [0.0, 1.0] };
+    let by_value = Colors::by_value(&particles, 0.1, &splats(5, 0), &[0.5; 5], map);
+    let given = Colors::given(&particles, 0.1, &splats(5, 0), &[Vec3::X; 5]);
+    for colors in [None, by_value.ok(), given.ok()] {
+        for (ior, splashes, lights) in [(1.0, 0, vec![]), (1.5, 3, lights())] {
+            for (diagnose, solids) in [(true, solids()), (false, vec![])] {
+                let liquid = Liquid { kind: Kind::Opaque, ior, ..Liquid::default() };
+                let scene = Scene { liquid, solids, lights: lights.clone(), ..scene() };
+                let splats = Splats { colors: colors.clone(), ..splats(5, splashes) };
+                let input = FrameInput::new(&scene, &camera(), &splats, UVec2::new(33, 17));
+                device.render(&mut renderer, FrameInput { diagnose, ..input });
+                if diagnose {
+                    aov::read(&device.gpu, &renderer.images(), &Aov::ALL).expect("a valid read");
+                }
+                assert_eq!(device.errors(), [""; 0], "index {ior}, {splashes} splashes");
             }
         }
     }

@@ -33,7 +33,7 @@ fn every_root_is_valid() {
 #[test]
 fn columns_are_valid() {
     let drawn = library::assert_columns_are_valid(RENDERER);
-    assert_eq!(drawn, 4, "layers, mixture, marks and sides");
+    assert_eq!(drawn, 5, "layers, mixture, marks, sides and colors");
 }
 
 /// Every shader translates to SPIR-V, MSL, HLSL and GLSL.

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::classify::{Splat, Splats};
-use super::particles::{Particles, drawable};
+use super::{Splat, Splats};
 use crate::error::{Error, Result};
+use crate::liquid::particles::{Particles, drawable};
 
 /// Support of the kernel that colours are averaged with, in particle radii.
 pub const SUPPORT: f32 = 4.0;

@@ -111,6 +111,7 @@ fn scale_does_not_change_the_picture() {
             origin: drawn.origin * f64::from(scale),
             is_hull: false,
             device: None,
+            colors: None,
             bulk: None,
         };
         let mut scene = scene.clone();
