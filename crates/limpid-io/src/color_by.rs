@@ -29,8 +29,7 @@ pub enum Attribute {
 
 impl Attribute {
     /// All attributes.
-    pub const ALL: [Self; 5] =
-        [Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Fluid];
+    pub const ALL: [Self; 5] = [Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Fluid];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -190,8 +189,7 @@ fn coolwarm(place: f64) -> [u8; 3] {
     const WHITE: DVec3 = DVec3::new(88.0, 0.0, 0.0);
     let end = if place < 0.5 { COLD } else { WARM };
     // How far the hue turns towards the unsaturated middle (equation 5).
-    let turn = end.y * (WHITE.x * WHITE.x - end.x * end.x).max(0.0).sqrt()
-        / (end.x * end.y.sin());
+    let turn = end.y * (WHITE.x * WHITE.x - end.x * end.x).max(0.0).sqrt() / (end.x * end.y.sin());
     let hue = if end.z > -std::f64::consts::FRAC_PI_3 { end.z + turn } else { end.z - turn };
     let msh = DVec3::new(WHITE.x, 0.0, hue).lerp(end, (2.0 * place - 1.0).abs());
     let lab = DVec3::new(
@@ -257,7 +255,10 @@ impl ColorBy {
     fn missing(&self, particles: &Particles) -> Error {
         let has: Vec<_> = Attribute::of(particles).into_iter().map(Attribute::name).collect();
         let has = if has.is_empty() { "none".into() } else { has.join(", ") };
-        Error::Usage(format!("the particles have no {} to color by; they have {has}", self.attribute))
+        Error::Usage(format!(
+            "the particles have no {} to color by; they have {has}",
+            self.attribute
+        ))
     }
 }
 

@@ -37,6 +37,7 @@ pub mod camera_axes;
 pub mod camera_path;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod claim;
+pub mod color_by;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod device;
 pub mod environment;

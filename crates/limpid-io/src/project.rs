@@ -25,6 +25,7 @@ use self::bodies::Bodies;
 use serde::{Deserialize, Serialize};
 
 use crate::camera_axes::CameraAxes;
+use crate::color_by::ColorBy;
 use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Selection};
 use crate::shared_classifier::Processor;
@@ -54,6 +55,8 @@ pub struct Project {
     pub views: Vec<NamedView>,
     /// The processor that classifies the particles.
     pub processor: Processor,
+    /// The attribute that colours an opaque body, if its particles do not share one colour.
+    pub color_by: Option<ColorBy>,
     /// The parts of the scene that a look provides once the particles are known; `None` if the scene is
     /// complete.
     pub automatic: Option<Automatic>,

@@ -1,6 +1,7 @@
 //! Frames of particles, read, interpolated, classified and ready to draw.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify;
@@ -13,6 +14,7 @@ use limpid::scene::Scene;
 use super::Input;
 use super::fluid::{Fluid, FluidSource, Origin};
 use super::loaded::{Loaded, RadiusFrom, UpFrom};
+use crate::color_by::{ColorBy, Values, usual_range};
 #[cfg(doc)]
 use crate::error::Error;
 use crate::error::Result;
@@ -20,6 +22,9 @@ use crate::particles::Contents;
 use crate::project::{LiquidSource, Moved, ParticleSource, Project, SolidMotion};
 use crate::sequence::{FrameTime, Missing, Sequence};
 use crate::shared_classifier::{Processor, SharedClassifier};
+
+/// Frames, at most, whose values decide the range of colours.
+const RANGED: usize = 16;
 
 /// Reads the frames of an [`Input`], classifies their particles, and moves the solids of its scene.
 #[derive(Debug, Clone)]
@@ -34,6 +39,10 @@ pub struct Loader {
     pub with_velocities: bool,
     /// The processor that classifies the particles; initially the project's.
     processor: Processor,
+    /// The attribute that colours the particles.
+    color_by: Option<ColorBy>,
+    /// The range of its values in all frames, once it is known.
+    color_range: Arc<OnceLock<[f32; 2]>>,
     classifier: SharedClassifier,
     pub(super) fps: Option<f64>,
     // At least one.
@@ -56,6 +65,8 @@ impl Loader {
             missing: Missing::Error,
             with_velocities: false,
             processor: Processor::default(),
+            color_by: None,
+            color_range: Arc::default(),
             classifier: SharedClassifier::default(),
             fps: None,
             fluids,
@@ -69,7 +80,8 @@ impl Loader {
     pub(super) fn of_project(self, project: &Project) -> Self {
         let source = Some(&project.source);
         let made = source.filter(|of| of.recipe().is_some() || of.simulation().is_some());
-        Self { processor: project.processor, made: made.cloned(), ..self }
+        let (processor, color_by) = (project.processor, project.color_by);
+        Self { processor, color_by, made: made.cloned(), ..self }
     }
 
     /// Frames per second of the simulation, if the scene or a list of the files has them.
@@ -151,9 +163,11 @@ impl Loader {
         }
         let Contents { mut particles, arrays, cells, mut remarks, .. } = self.contents(at)?;
         let bulk = self.bulk(&particles);
-        // Attributes that classification does not read would take as much memory as its tables.
-        (particles.ids, particles.densities) = (None, None);
-        particles.velocities.take_if(|_| !self.with_velocities);
+        // Attributes that nothing reads would take as much memory as the tables of classification.
+        if self.color_by.is_none() {
+            (particles.ids, particles.densities) = (None, None);
+            particles.velocities.take_if(|_| !self.with_velocities);
+        }
         let prepared = self.finish_prepare(at, &particles, bulk, scene).await?;
         remarks.extend_from_slice(&prepared.remarks);
         Ok(Loaded { arrays, cells, remarks, ..prepared })
@@ -195,6 +209,13 @@ impl Loader {
             true => classify::add_closed_wall_contacts(&mut splats, &solids, settings.wetting),
             false => classify::add_wall_contacts(&mut splats, &solids, settings.wetting),
         }
+        if let Some(by) = self.color_by.filter(|_| scene.is_opaque()) {
+            let range = match by.range {
+                Some(range) => range,
+                None => self.color_range(&by)?,
+            };
+            splats.colors = Some(by.colors(particles, radius, &splats, range)?);
+        }
         Ok(Loaded {
             number,
             particles: particles.len(),
@@ -213,6 +234,23 @@ impl Loader {
                 None => Vec::new(),
             },
         })
+    }
+
+    /// The usual range of the values that colour the particles, the same for all frames: of at most [`RANGED`] of them,
+    /// spread evenly.
+    fn color_range(&self, by: &ColorBy) -> Result<[f32; 2]> {
+        if let Some(&known) = self.color_range.get() {
+            return Ok(known);
+        }
+        let frames = &self.sequence.frames;
+        let step = frames.len().div_ceil(RANGED).max(1);
+        let mut all = Vec::new();
+        for frame in frames.iter().step_by(step) {
+            if let Some(Values::Scalars(values)) = by.attribute.values(&self.particles(frame)?) {
+                all.extend(values);
+            }
+        }
+        Ok(*self.color_range.get_or_init(|| usual_range(all).unwrap_or([0.0, 1.0])))
     }
 
     /// Where the solids of `scene` are at a frame time, if its file moves any: this project's, with whatever

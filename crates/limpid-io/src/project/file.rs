@@ -160,6 +160,7 @@ impl Project {
                            a plane as [[solid]], or a look";
             return Err(fail(problem.into()));
         }
+        let color_by = file.liquid.color_by().map_err(|e| fail(format!("[liquid] {e}")))?;
         let liquid = file.liquid.validated().map_err(|e| fail(format!("[liquid] {e}")))?;
         let fluids = std::mem::take(&mut file.fluid);
         let alone = (file.particles, file.recipe, file.simulation);
@@ -180,6 +181,7 @@ impl Project {
             camera_axes,
             views: file.view,
             processor,
+            color_by,
             automatic,
         };
         project.check().map_err(|e| in_file(e, &fail))?;
@@ -206,7 +208,7 @@ impl Project {
             solid_files.texture_source(texture).ok_or_else(problem)
         });
         let background = background.transpose()?;
-        let mut liquid = LiquidFile::of(&scene.liquid);
+        let mut liquid = LiquidFile::of(&scene.liquid, self.color_by.as_ref());
         liquid.absorption =
             liquid.absorption.filter(|_| !provides(|automatic| automatic.absorption));
         let solids = scene.solids[..self.own_solids()].iter().enumerate();

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ParticleSource;
 use super::solids::{Given, unit};
+use crate::color_by::{Attribute, ColorBy, MapName};
 use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Selection};
 use limpid::environment::{Environment, Glow, MAX_RADIANCE};
@@ -31,6 +32,12 @@ pub(super) struct LiquidFile {
     pub(super) kind: Option<KindFile>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) roughness: Option<f32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) color_by: Option<Attribute>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) colormap: Option<MapName>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) color_range: Option<[f32; 2]>,
 }
 
 /// `liquid.kind`.
@@ -127,23 +134,60 @@ pub(super) fn absorption(
 }
 
 impl LiquidFile {
-    pub(super) fn of(liquid: &Liquid) -> Self {
+    pub(super) fn of(liquid: &Liquid, by: Option<&ColorBy>) -> Self {
         let ior = Some(liquid.ior);
         match liquid.kind {
             Kind::Clear => Self { ior, absorption: Some(liquid.absorption), ..Self::default() },
             Kind::Opaque => Self {
                 ior,
                 kind: Some(KindFile::Opaque),
-                color: Some(liquid.color),
+                color: Some(liquid.color).filter(|_| by.is_none()),
                 roughness: Some(liquid.roughness),
+                color_by: by.map(|by| by.attribute),
+                colormap: by.map(|by| by.map),
+                color_range: by.and_then(|by| by.range),
                 ..Self::default()
             },
         }
     }
 
+    /// Data are shown by opaque bodies, unless it says otherwise.
+    fn is_opaque(&self) -> bool {
+        match self.kind {
+            Some(kind) => matches!(kind, KindFile::Opaque),
+            None => self.color_by.is_some(),
+        }
+    }
+
+    /// The attribute that colours the particles.
+    pub(super) fn color_by(&self) -> Result<Option<ColorBy>, String> {
+        let Some(attribute) = self.color_by else {
+            return match (self.colormap, self.color_range) {
+                (None, None) => Ok(None),
+                _ => Err("colormap and color_range need color_by".into()),
+            };
+        };
+        if !self.is_opaque() {
+            return Err("color_by colors opaque bodies: kind = \"opaque\"".into());
+        }
+        if self.color.is_some() {
+            return Err("takes one of color and color_by".into());
+        }
+        let rises =
+            |range: [f32; 2]| range[0].is_finite() && range[1].is_finite() && range[0] < range[1];
+        if self.color_range.is_some_and(|range| !rises(range)) {
+            return Err("color_range must be two numbers, the smaller one first".into());
+        }
+        Ok(Some(ColorBy {
+            attribute,
+            map: self.colormap.unwrap_or_default(),
+            range: self.color_range,
+        }))
+    }
+
     pub(super) fn validated(self) -> Result<Liquid, String> {
         let default = Liquid::default();
-        if let Some(KindFile::Opaque) = self.kind {
+        if self.is_opaque() {
             if self.absorption.is_some() {
                 return Err("an opaque body absorbs no light on its way; give its color".into());
             }

@@ -8,6 +8,7 @@ mod camera;
 mod environments;
 mod looks;
 mod motion;
+mod opaque;
 mod output;
 mod reading;
 mod saving;
