@@ -104,7 +104,7 @@ impl Variant {
 
     pub fn shader(self) -> &'static str {
         if self.opaque {
-            return "refract/opaque.wgsl";
+            return "shade/opaque.wgsl";
         }
         match self.solver {
             Solver::Guarded => "refract/guarded.wgsl",
