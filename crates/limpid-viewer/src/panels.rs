@@ -1,4 +1,4 @@
-//! The panels around the picture. Each shows what it is given, may change some of that, and lists as [`Command`]s what
+//! The panels around the picture. Each shows what it is given, may change some of that, and lists as `Command`s what
 //! else the user wants.
 
 mod camera;

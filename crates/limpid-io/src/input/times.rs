@@ -61,7 +61,7 @@ impl Loader {
     }
 
     /// Frame times at steps of `step` frames from the first of the ascending `numbers` to the last. A
-    /// frame has the length of the sequence's [stride](Sequence::stride).
+    /// frame has the length of the sequence's [stride](crate::sequence::Sequence::stride).
     pub fn frame_times(&self, numbers: &[i64], step: f64) -> Vec<FrameTime> {
         let (Some(&first), Some(&last)) = (numbers.first(), numbers.last()) else {
             return Vec::new();
