@@ -12,7 +12,7 @@ use super::destination::Destination;
 use super::pictures::{DrawnPicture, Pictures};
 use crate::{fingerprint, standard};
 
-/// What takes the pictures.
+/// The destination of the pictures.
 pub(super) enum Output {
     Pictures(Pictures),
     Film(Box<FilmOutput>),

@@ -26,7 +26,7 @@ use crate::standard;
 /// Frame rate if neither the arguments nor the scene have one, frames per second.
 pub(super) const DEFAULT_FPS: f64 = 30.0;
 
-/// What a run draws, how, and where the pictures go: all that the arguments say, checked before the device is opened.
+/// The frames, settings and destination of a run: all that the arguments say, checked before the device is opened.
 pub(super) struct Plan {
     pub(super) loader: Loader,
     pub(super) scene: Scene,
@@ -41,7 +41,7 @@ pub(super) struct Plan {
     /// Scale bar and axes of the pictures.
     pub(super) overlay: Overlay,
     pub(super) drawing: Drawing,
-    /// What the settings are picked by, if they are.
+    /// Limits that the settings are picked by, if they are.
     pub(super) limits: Option<Limits>,
     /// Whether the costs of settings are measured anew.
     pub(super) calibrate: bool,

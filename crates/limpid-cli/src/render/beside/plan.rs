@@ -19,7 +19,7 @@ use super::sizes::Sizes;
 /// Largest number of inputs: the pictures of more would be slits, and a shell may have expanded a pattern.
 const MOST: usize = 6;
 
-/// What a run draws of its inputs, and where the pictures go.
+/// The inputs of a run, their settings, and the destination of the pictures.
 pub(super) struct Plan {
     pub(super) inputs: Vec<Planned>,
     pub(super) sizes: Sizes,

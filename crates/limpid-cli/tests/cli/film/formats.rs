@@ -1,4 +1,4 @@
-//! What is in a film of each format.
+//! Contents of films in each format.
 
 use std::collections::BTreeSet;
 use std::fs;

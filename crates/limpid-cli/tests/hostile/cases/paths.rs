@@ -1,4 +1,4 @@
-//! What a path leads to.
+//! Targets of paths: links, folders, pipes and missing files.
 
 use std::fs;
 use std::os::unix::ffi::OsStringExt as _;
