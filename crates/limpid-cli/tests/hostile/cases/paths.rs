@@ -1,4 +1,4 @@
-//! Targets of paths: links, folders, pipes and missing files.
+//! Targets of paths: empty files, links, folders and pipes.
 
 use std::fs;
 use std::os::unix::ffi::OsStringExt as _;

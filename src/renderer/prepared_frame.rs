@@ -1,0 +1,141 @@
+//! A frame between its preparation and its recording.
+
+use crate::camera::CameraUniform;
+use crate::dirty::{Dirty, LastFrame};
+use crate::frame::FrameInput;
+use crate::gpu::Gpu;
+use crate::lights::PreparedLight;
+use crate::liquid::blocks::Blocks;
+use crate::passes::color::Color;
+use crate::passes::gaps;
+use crate::passes::host::HostPass;
+use crate::passes::mesh_buffers::MeshBuffers;
+use crate::passes::mips::{self, Mips};
+use crate::passes::refract::{self, Refract, Variant};
+use crate::passes::shade::Shade;
+use crate::passes::smooth;
+use crate::passes::surface::SurfacePass;
+use crate::passes::tiles::Sections;
+use crate::passes::view_passes::{FrameInputs, PreparedView, SplatSet, ViewConfig};
+use crate::settings::Solids;
+use crate::view_range;
+
+/// A frame that is prepared: its inputs, and the configuration of its passes.
+#[derive(Debug)]
+pub struct PreparedFrame<'a> {
+    pub(super) input: FrameInput<'a>,
+    pub(super) uniform: CameraUniform,
+    pub(super) config: ViewConfig,
+    pub(super) variant: Variant,
+    /// Parameters of each smoothing iteration.
+    pub(super) fits: Vec<smooth::Params>,
+    /// Work per pixel of the slowest pass, in layer evaluations.
+    pub(super) work: u64,
+    /// A pixel's ray may start inside the liquid.
+    pub(super) starts_inside: bool,
+    /// Rays intersect solids in the G-buffer.
+    pub(super) screen_solids: bool,
+    /// Passes of the lights' views, if those are drawn.
+    pub(super) lights: Vec<PreparedLight>,
+    /// Passes of the camera's view, if that is drawn.
+    pub(super) view: Option<PreparedView>,
+    /// The G-buffer of a host's scene.
+    pub(super) host: Option<HostPass>,
+    /// Mip levels of the layers, if the intersector reads them.
+    pub(super) mips: Option<Mips>,
+    /// Colours of an opaque body's surface, if they are drawn.
+    pub(super) color: Option<Color>,
+    /// Radiance of an opaque body, if it is drawn.
+    pub(super) shade: Option<Shade>,
+    /// The picture, if it is drawn.
+    pub(super) refract: Option<Refract>,
+    /// Images of the first interface, if they are drawn.
+    pub(super) surface: Option<SurfacePass>,
+    /// The frame before.
+    pub(super) last: Option<LastFrame>,
+    /// What differs from it.
+    pub(super) dirty: Dirty,
+}
+
+impl<'a> PreparedFrame<'a> {
+    pub(super) fn new(
+        gpu: &Gpu,
+        input: FrameInput<'a>,
+        blocks: &Blocks,
+        last: Option<LastFrame>,
+        has_other_splats: bool,
+    ) -> Self {
+        let FrameInput { scene, view, splats, size, host, diagnose, .. } = input;
+        let settings = &scene.settings;
+        let screen_solids =
+            settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
+        let splash = splats.has_splashes();
+        let interfaces = if scene.is_opaque() { 1 } else { settings.refract.interfaces };
+        let gaps = gaps::count(&settings.layers, interfaces, splats);
+        let variant = Variant::new(scene, splash, gaps, host.is_some(), diagnose);
+        let starts_inside = view_range::may_start_inside(splats, blocks, &view, size);
+        let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
+        let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
+        let work = work.max(smooth::work(&settings.smooth));
+        let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
+        let config = ViewConfig {
+            size,
+            splash,
+            mixture: variant.mixture,
+            gbuffer: screen_solids || diagnose,
+            host: host.is_some(),
+            levels: if variant.mips() { mips::levels(size) } else { 1 },
+            backs: interfaces > 1 || diagnose || starts_inside,
+            gaps,
+            smooth: !fits.is_empty() || gaps > 0,
+            bounds: variant.bounds,
+            tags: input.surface.is_some(),
+            sections: Sections::for_work(gpu, size, work),
+        };
+        let mut dirty = Dirty::since(last.as_ref(), &input, config, has_other_splats);
+        // What the host has drawn into its textures is not known.
+        dirty.surfaces |= host.is_some();
+        dirty.radiance |= host.is_some();
+        let far = view_range::farthest_depth(splats, &view)
+            .max(host.map_or(0.0, |host| host.depth_code().far()));
+        Self {
+            input,
+            uniform: view.uniform(size, splats.origin, far),
+            config,
+            variant,
+            fits,
+            work,
+            starts_inside,
+            screen_solids,
+            lights: Vec::new(),
+            view: None,
+            host: None,
+            mips: None,
+            color: None,
+            shade: None,
+            refract: None,
+            surface: None,
+            last,
+            dirty,
+        }
+    }
+
+    pub(super) fn inputs<'b>(
+        &'b self,
+        splat_set: &'b SplatSet,
+        meshes: &'b MeshBuffers,
+    ) -> FrameInputs<'b> {
+        let FrameInput { scene, splats, .. } = self.input;
+        FrameInputs { scene, splats, splat_set, meshes, fits: &self.fits }
+    }
+
+    pub(super) fn refract_params(&self) -> refract::Params {
+        let FrameInput { scene, splats, view, .. } = self.input;
+        let mut params = refract::Params::new(scene, &scene.settings.refract, splats.radius);
+        let lit = scene.solids.iter().any(|solid| solid.lit);
+        if self.starts_inside && !view.is_orthographic() && self.variant.absorption && lit {
+            params.eye_depth = view_range::depth_below_surface(splats, self.uniform.origin);
+        }
+        params
+    }
+}
