@@ -49,7 +49,7 @@ fn keys_play_step_and_switch_views() {
     harness.get_by_label("Depth, m");
 }
 
-/// A damaged frame gives a visible notice, and playback continues.
+/// A damaged frame gives a visible notice, and playback continues. The picture keeps its size when the notice goes.
 #[test]
 fn damaged_frame_is_reported_and_playback_continues() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -68,10 +68,12 @@ fn damaged_frame_is_reported_and_playback_continues() {
     assert!(notices.iter().any(|n| n.error && n.text.contains("w_2.bgeo")), "{notices:?}");
     let shown = notices.last().expect("there is one").text.clone();
     harness.get_by_label(&shown);
+    let size = harness.state().picture_size();
     harness.get_by_label("Dismiss").click_accesskit();
     harness.step();
     harness.step();
     assert!(harness.state().notices().is_empty());
+    assert_eq!(harness.state().picture_size(), size, "notices resize the picture");
 }
 
 /// The viewer reports likely mistakes in an input as `render` does.

@@ -59,7 +59,6 @@ impl Viewer {
         };
         timeline.show(ui, &mut commands);
         self.obey(ui, commands);
-        notice_line(ui, &mut self.interface.notices);
     }
 
     /// The status line.
@@ -148,14 +147,16 @@ impl Viewer {
                 return;
             }
             if self.opened.document.is_some() {
-                return self.picture.show(ui, rect, &mut self.stage, &mut self.log);
+                self.picture.show(ui, rect, &mut self.stage, &mut self.log);
+            } else {
+                let screen = FirstScreen {
+                    opening: self.opened.pending(),
+                    pictures: &mut self.interface.demos,
+                    recent: self.interface.recent.inputs(),
+                };
+                screen.show(ui, rect, &mut commands);
             }
-            let screen = FirstScreen {
-                opening: self.opened.pending(),
-                pictures: &mut self.interface.demos,
-                recent: self.interface.recent.inputs(),
-            };
-            screen.show(ui, rect, &mut commands);
+            notice_line(ui, rect, &mut self.interface.notices);
         });
         self.obey(ui, commands);
     }

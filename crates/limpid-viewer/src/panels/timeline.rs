@@ -1,4 +1,4 @@
-//! The bars at the bottom: playback, loaded frames, status and notices.
+//! The bars at the bottom: playback, loaded frames and status; and notices above them.
 
 use std::collections::BTreeSet;
 
@@ -180,8 +180,8 @@ impl Timeline<'_> {
     }
 }
 
-/// The line with the newest notice, if there is one.
-pub(crate) fn notice_line(ui: &mut egui::Ui, notices: &mut Notices) {
+/// The newest notice, if there is one, over the lower edge of `rect`: a picture keeps its size when notices come and go.
+pub(crate) fn notice_line(ui: &mut egui::Ui, rect: Rect, notices: &mut Notices) {
     let Some((notice, left)) = notices.newest() else { return };
     if let Some(left) = left {
         ui.ctx().request_repaint_after(left);
@@ -192,21 +192,24 @@ pub(crate) fn notice_line(ui: &mut egui::Ui, notices: &mut Notices) {
     };
     let text = notice.text.clone();
     let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
-    egui::Panel::bottom("notice").frame(bar).show(ui, |ui| {
-        ui.horizontal(|ui| {
-            let (dot, _) = ui.allocate_exact_size(vec2(8.0, 16.0), Sense::hover());
-            ui.painter().circle_filled(dot.center(), 4.0, color);
-            let more = notices.all().len() - 1;
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                if icons::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
-                    notices.dismiss();
-                }
-                if more > 0 {
-                    ui.weak(format!("and {more} more"));
-                }
-                ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                    let label = egui::Label::new(text.as_str()).truncate();
-                    ui.add(label).on_hover_text(text.as_str());
+    let line = rect.with_min_y(rect.bottom() - 32.0);
+    ui.scope_builder(egui::UiBuilder::new().max_rect(line), |ui| {
+        bar.show(ui, |ui| {
+            ui.horizontal_centered(|ui| {
+                let (dot, _) = ui.allocate_exact_size(vec2(8.0, 16.0), Sense::hover());
+                ui.painter().circle_filled(dot.center(), 4.0, color);
+                let more = notices.all().len() - 1;
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    if icons::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
+                        notices.dismiss();
+                    }
+                    if more > 0 {
+                        ui.weak(format!("and {more} more"));
+                    }
+                    ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                        let label = egui::Label::new(text.as_str()).truncate();
+                        ui.add(label).on_hover_text(text.as_str());
+                    });
                 });
             });
         });
