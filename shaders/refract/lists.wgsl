@@ -34,6 +34,11 @@ fn listed_count() -> u32 {
     return min(atomicLoad(&listed.count), arrayLength(&listed.pixels));
 }
 
+// Threads of the dispatch over the list. `num_workgroups` is 0 in Direct3D 12 unless each indirect dispatch is checked.
+fn listed_threads() -> u32 {
+    return LIST_GROUP * min((listed_count() + LIST_GROUP - 1u) / LIST_GROUP, MOST_GROUPS);
+}
+
 fn listed_pixel(index: u32) -> vec2i {
     let packed = listed.pixels[index];
     return vec2i(vec2u(packed & 0xffffu, packed >> 16u));

@@ -99,11 +99,8 @@ fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
 
 // Pixels without liquid that contain an edge, which the other entry points defer.
 @compute @workgroup_size(64)
-fn edge_pixels(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-) {
-    for (var i = id.x; i < listed_count(); i += LIST_GROUP * groups.x) {
+fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
+    for (var i = id.x; i < listed_count(); i += listed_threads()) {
         let p = listed_pixel(i);
         textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
     }
@@ -162,11 +159,8 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
 
 // Pixels with liquid whose picture has structure (structure.wgsl): their first ray is known, and followed by others.
 @compute @workgroup_size(64)
-fn structured_pixels(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-) {
-    for (var k = id.x; k < listed_count(); k += LIST_GROUP * groups.x) {
+fn structured_pixels(@builtin(global_invocation_id) id: vec3u) {
+    for (var k = id.x; k < listed_count(); k += listed_threads()) {
         let p = listed_pixel(k);
         if is_hidden(p) {
             continue;

@@ -42,6 +42,14 @@ async fn no_match_error(selected: &str) -> Error {
     Error::NoMatchingAdapter { selected: printable(selected.to_owned()), found: found.join(", ") }
 }
 
+/// Flags that cost more than they give here; `WGPU_DEBUG=1` and `WGPU_VALIDATION_INDIRECT_CALL=1` ask for them.
+///
+/// - Lines for debuggers take a sixth of the start of an unoptimised program.
+/// - Indirect dispatches would each be preceded by another that checks their size, with a barrier on either side. The
+///   shaders that write the sizes keep to rows of at most 65,535 workgroups, which every adapter supports.
+const UNUSED: wgpu::InstanceFlags =
+    wgpu::InstanceFlags::DEBUG.union(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+
 /// Lists the adapters of the selected backends whose name contains `wanted`: discrete before integrated
 /// GPUs before software adapters; OpenGL only without any other.
 pub(super) async fn list(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Adapter> {
@@ -54,9 +62,7 @@ pub(super) async fn list(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Ad
         }
         let descriptor = wgpu::InstanceDescriptor {
             backends: selected & backends,
-            // Lines for debuggers take a sixth of the start of an unoptimised program: `WGPU_DEBUG=1` asks for them.
-            flags: (wgpu::InstanceFlags::from_build_config() - wgpu::InstanceFlags::DEBUG)
-                .with_env(),
+            flags: (wgpu::InstanceFlags::from_build_config() - UNUSED).with_env(),
             ..wgpu::InstanceDescriptor::new_without_display_handle_from_env()
         };
         all = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;
