@@ -29,6 +29,7 @@ pub use commands::{MOST_WORK, Piece, pieces};
 #[doc(hidden)]
 pub use compiled::Bound;
 use compiled::Compiled;
+pub(crate) use compiled::Kernel;
 #[doc(hidden)]
 pub use readback::{Pending, Reading, read_mapped};
 #[doc(hidden)]
@@ -381,6 +382,13 @@ const BYTES_PER_TILE: u64 = 32;
 
 /// Workgroups in one row of a dispatch, as in `common/groups.wgsl`.
 pub const ROW: u32 = 32768;
+
+/// Bytes beyond `size` that a buffer gets for frames that grow.
+pub(crate) fn spare(size: u64) -> u64 {
+    /// Large ones seldom grow, and a card has no room for an eighth more of all of them.
+    const MOST: u64 = 32 << 20;
+    (size / 8).min(MOST)
+}
 
 /// Dispatches `groups` workgroups in rows; shaders number them by `group_index`.
 #[doc(hidden)]

@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::shader::{self, Library, Words};
 
@@ -16,13 +18,33 @@ pub(super) struct Compiled {
     pipelines: Mutex<HashMap<Kernel, wgpu::ComputePipeline>>,
 }
 
-/// An entry point of a module, its layouts, and its constants with the bits of their values.
+/// An entry point of a shader's module, its layouts, and its constants with the bits of their values.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-struct Kernel {
+pub(crate) struct Kernel {
+    shader: String,
     module: wgpu::ShaderModule,
     entry_point: String,
     layouts: Vec<wgpu::BindGroupLayout>,
     constants: Vec<(String, u64)>,
+}
+
+impl Kernel {
+    fn new(
+        shader: &str,
+        module: &wgpu::ShaderModule,
+        entry_point: &str,
+        layouts: &[&wgpu::BindGroupLayout],
+        constants: &[(&str, f64)],
+    ) -> Self {
+        let bits = |&(name, value): &(&str, f64)| (name.to_owned(), value.to_bits());
+        Self {
+            shader: shader.to_owned(),
+            module: module.clone(),
+            entry_point: entry_point.to_owned(),
+            layouts: layouts.iter().copied().cloned().collect(),
+            constants: constants.iter().map(bits).collect(),
+        }
+    }
 }
 
 /// A panic while something was made leaves the map as it was.
@@ -150,30 +172,60 @@ impl Gpu {
         layouts: &[&wgpu::BindGroupLayout],
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
-        let bits = |&(name, value): &(&str, f64)| (name.to_owned(), value.to_bits());
-        let kernel = Kernel {
-            module: module.clone(),
-            entry_point: entry_point.to_owned(),
-            layouts: layouts.iter().copied().cloned().collect(),
-            constants: constants.iter().map(bits).collect(),
-        };
-        if let Some(known) = locked(&self.compiled.pipelines).get(&kernel) {
-            return known.clone();
+        let kernel = Kernel::new(shader, module, entry_point, layouts, constants);
+        self.known(&kernel).unwrap_or_else(|| self.compile(kernel))
+    }
+
+    /// An entry point of a root for such words, specialised by `constants`.
+    pub(crate) fn kernel(
+        &self,
+        shader: &str,
+        words: Words,
+        entry_point: &str,
+        layouts: &[&wgpu::BindGroupLayout],
+        constants: &[(&str, f64)],
+    ) -> Kernel {
+        Kernel::new(shader, &self.module(shader, words), entry_point, layouts, constants)
+    }
+
+    /// The pipelines of entry points, in their order. New ones are compiled side by side.
+    pub(crate) fn pipelines<const N: usize>(
+        &self,
+        kernels: [Kernel; N],
+    ) -> [wgpu::ComputePipeline; N] {
+        // A frame finds them all, and would only wait for threads to wake.
+        let known = kernels.each_ref().map(|kernel| self.known(kernel));
+        if known.iter().all(Option::is_some) {
+            return known.map(|pipeline| pipeline.expect("all are known"));
         }
-        // Not under the lock: others compile at the same time.
-        let layouts: Vec<_> = layouts.iter().map(|&layout| Some(layout)).collect();
+        let make =
+            |(kernel, known): (Kernel, Option<_>)| known.unwrap_or_else(|| self.compile(kernel));
+        let made: Vec<_> = kernels.into_par_iter().zip(known).map(make).collect();
+        made.try_into().expect("one for each kernel")
+    }
+
+    fn known(&self, kernel: &Kernel) -> Option<wgpu::ComputePipeline> {
+        locked(&self.compiled.pipelines).get(kernel).cloned()
+    }
+
+    /// Compiles a pipeline. Not under the lock: others compile at the same time.
+    fn compile(&self, kernel: Kernel) -> wgpu::ComputePipeline {
+        let layouts: Vec<_> = kernel.layouts.iter().map(Some).collect();
         let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(shader),
+            label: Some(&kernel.shader),
             bind_group_layouts: &layouts,
             immediate_size: 0,
         });
+        let value = |(name, bits): &(String, u64)| (name.clone(), f64::from_bits(*bits));
+        let constants: Vec<_> = kernel.constants.iter().map(value).collect();
+        let constants: Vec<_> = constants.iter().map(|(name, value)| (&name[..], *value)).collect();
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(&format!("{shader} {entry_point}")),
+            label: Some(&format!("{} {}", kernel.shader, kernel.entry_point)),
             layout: Some(&layout),
-            module,
-            entry_point: Some(entry_point),
+            module: &kernel.module,
+            entry_point: Some(&kernel.entry_point),
             compilation_options: wgpu::PipelineCompilationOptions {
-                constants,
+                constants: &constants,
                 // No shader reads uninitialised workgroup memory.
                 zero_initialize_workgroup_memory: false,
             },

@@ -15,7 +15,7 @@ use super::tiles::TileLists;
 use super::view_passes::ViewPasses;
 use super::{Layers, Radiance};
 use crate::environment::EvenLight;
-use crate::gpu::{self, Bound, Commands, Gpu, Pending, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Kernel, Pending, Span};
 use crate::scene::{Scene, Shape, Solid};
 use crate::settings::{self, Solver};
 pub use variant::Variant;
@@ -209,28 +209,33 @@ impl Refract {
         let gather = gpu.bind("pixels listed", &listed);
         let draw = gpu.bind("pixels drawn", &listed[..1]);
         let own = &sections[0].liquid.layout;
-        let pipeline = |variant, entry: &str, list: &Bound| {
-            pixels.pipeline(variant, entry, [own, &list.layout])
-        };
-        let structured = || {
-            variant.adaptive.then(|| {
-                let of_section = |section| {
-                    let found = bind_found(gpu, eye, structure, &first_radiance, section);
-                    [found, bind(&radiance, &first_radiance, &tiles.liquid, section)]
-                };
-                let sections: Vec<_> = tiles.sections().map(of_section).collect();
-                let find = find_pipeline(gpu, eye, &sections[0][0].layout, &gather);
-                let draw = pipeline(variant, "structured_pixels", &draw);
-                let pictures = [&images.first_radiance, &images.radiance.texture].map(Clone::clone);
-                Structured { find, draw, sections, pictures }
-            })
-        };
+        let kernel =
+            |variant, entry: &str, list: &Bound| pixels.kernel(variant, entry, [own, &list.layout]);
         let first = variant.first();
-        let liquid = || pipeline(first, "refract_pixels", &gather);
-        let background = || pipeline(first, "background_pixels", &gather);
-        let edges = || pipeline(first, "edge_pixels", &draw);
-        let ((liquid, (background, edges)), structured) =
-            rayon::join(|| rayon::join(liquid, || rayon::join(background, edges)), structured);
+        let kernels = [
+            kernel(first, "refract_pixels", &gather),
+            kernel(first, "background_pixels", &gather),
+            kernel(first, "edge_pixels", &draw),
+        ];
+        let structured = variant.adaptive.then(|| {
+            let of_section = |section| {
+                let found = bind_found(gpu, eye, structure, &first_radiance, section);
+                [found, bind(&radiance, &first_radiance, &tiles.liquid, section)]
+            };
+            tiles.sections().map(of_section).collect::<Vec<_>>()
+        });
+        let ([liquid, background, edges], structured) = match structured {
+            None => (gpu.pipelines(kernels), None),
+            Some(sections) => {
+                let [liquid, background, edges] = kernels;
+                let find = find_kernel(gpu, eye, &sections[0][0].layout, &gather);
+                let draw = kernel(variant, "structured_pixels", &draw);
+                let [liquid, background, edges, find, draw] =
+                    gpu.pipelines([liquid, background, edges, find, draw]);
+                let pictures = [&images.first_radiance, &images.radiance.texture].map(Clone::clone);
+                ([liquid, background, edges], Some(Structured { find, draw, sections, pictures }))
+            }
+        };
         let (tiles, listed) = (tiles.clone(), images.listed.clone());
         Self { liquid, background, edges, sections, tiles, listed, gather, draw, structured, work }
     }
@@ -340,20 +345,19 @@ impl Pixels<'_> {
         gpu.bind("refract", &bindings)
     }
 
-    fn pipeline(
+    fn kernel(
         self,
         variant: Variant,
         entry: &str,
         [own, list]: [&wgpu::BindGroupLayout; 2],
-    ) -> wgpu::ComputePipeline {
+    ) -> Kernel {
         let Self { gpu, eye, .. } = self;
         let (camera, scene) = (&eye.camera, &eye.scene);
         let mips = gpu::shader::Words { mips: variant.mips(), ..Default::default() };
-        let module = gpu.module(variant.shader(), mips);
         let constants =
             [&variant.constants()[..], &scene.variant.constants(), &camera.constants()].concat();
         let layouts = [&camera.layout, own, &scene.layout, list];
-        gpu.module_pipeline(variant.shader(), &module, entry, &layouts, &constants)
+        gpu.kernel(variant.shader(), mips, entry, &layouts, &constants)
     }
 }
 
@@ -378,18 +382,14 @@ fn bind_found(
     gpu.bind("structure", &bindings)
 }
 
-/// The pipeline that lists pixels by the radiance of their first rays.
-fn find_pipeline(
-    gpu: &Gpu,
-    eye: &ViewPasses,
-    found: &wgpu::BindGroupLayout,
-    list: &Bound,
-) -> wgpu::ComputePipeline {
+/// The kernel that lists pixels by the radiance of their first rays.
+fn find_kernel(gpu: &Gpu, eye: &ViewPasses, found: &wgpu::BindGroupLayout, list: &Bound) -> Kernel {
     let splash = [("SPLASH", f64::from(u8::from(eye.splash_layers().is_some())))];
     let constants = [&eye.camera.constants()[..], &splash].concat();
     let none = gpu.layout("none", wgpu::ShaderStages::COMPUTE, &[]);
     let layouts = [&eye.camera.layout, found, &none, &list.layout];
-    gpu.compute_pipeline("refract/structure.wgsl", "find", &layouts, &constants)
+    let words = gpu::shader::Words::default();
+    gpu.kernel("refract/structure.wgsl", words, "find", &layouts, &constants)
 }
 
 /// Work of a ray through the solids: a mesh's tree is as much as many other solids.

@@ -143,15 +143,15 @@ impl Shade {
             ..eye.scene.variant
         };
         let constants = [&own[..], &scene_variant.constants(), &eye.camera.constants()].concat();
-        let pipeline = |shader: &str, entry: &str, bound: &Bound| {
+        let kernel = |shader: &str, entry: &str, bound: &Bound| {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
-            gpu.compute_pipeline(shader, entry, &layouts, &constants)
+            gpu.kernel(shader, Default::default(), entry, &layouts, &constants)
         };
         let [found, drawn] = &sections[0];
-        let (around, body) = rayon::join(
-            || pipeline("shade/around.wgsl", "look_around", found),
-            || pipeline("shade/body.wgsl", "shade_body", drawn),
-        );
+        let [around, body] = gpu.pipelines([
+            kernel("shade/around.wgsl", "look_around", found),
+            kernel("shade/body.wgsl", "shade_body", drawn),
+        ]);
         Self { tiles: tiles.clone(), around, body, sections }
     }
 
