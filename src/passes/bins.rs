@@ -432,8 +432,8 @@ impl Buffers {
         let buffer = |label: &str, old: Option<&wgpu::Buffer>, size: u64| match old {
             Some(old) if old.size() >= size => old.clone(),
             _ => {
-                // With spare room, for frames that grow.
-                let size = (size + size / 8).next_multiple_of(16).min(bytes / 16 * 16).max(size);
+                let spare = gpu::spare(size);
+                let size = (size + spare).next_multiple_of(16).min(bytes / 16 * 16).max(size);
                 let usage = wgpu::BufferUsages::STORAGE
                     | wgpu::BufferUsages::COPY_DST
                     | wgpu::BufferUsages::INDIRECT;

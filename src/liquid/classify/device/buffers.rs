@@ -1,7 +1,7 @@
 //! Device memory of classification.
 
 use super::{BLOCK, Layout, Splat, Sum};
-use crate::gpu::Gpu;
+use crate::gpu::{self, Gpu};
 use crate::liquid::classify::iso_surface;
 use crate::settings::Classify;
 
@@ -117,8 +117,10 @@ impl Buffers {
     pub(super) fn allocate(gpu: &Gpu, wanted: Capacity) -> Self {
         let most = gpu.most_binding();
         // Nothing of no bytes can be bound.
-        let room =
-            |count: u64, bytes: u64| (count + count / 8).min(most / bytes - 1).max(count).max(1);
+        let room = |count: u64, bytes: u64| {
+            let spare = gpu::spare(count * bytes) / bytes;
+            (count + spare).min(most / bytes - 1).max(count).max(1)
+        };
         let capacity = Capacity {
             members: room(wanted.members, 16),
             splats: room(wanted.splats, size_of::<Splat>() as u64),
