@@ -11,7 +11,7 @@ impl Particles {
     /// Upper bound on the bytes that [`Particles::between`] and [`Particles::mixed`] allocate per input
     /// particle: pairs twice, a table of ids, and all attributes.
     #[doc(hidden)]
-    pub const MATCHED: usize = 2 * size_of::<Pair>() + 48 + 72;
+    pub const MATCHED: usize = 2 * size_of::<Pair>() + 48 + 88;
 
     /// Interpolates between frames `a` and `b` at `fraction` (0 to 1).
     ///
@@ -105,6 +105,8 @@ impl Particles {
             ellipsoids: mixed(&pairs, a.ellipsoids.as_deref(), b.ellipsoids.as_deref(), |a, b| {
                 if fraction < 0.5 { a } else { b }
             }),
+            values: floats(|particles| &particles.values),
+            colors: mixed(&pairs, a.colors.as_deref(), b.colors.as_deref(), |x, y| x.lerp(y, f)),
             is_hull: a.is_hull,
         }
     }
@@ -142,6 +144,8 @@ impl Particles {
             radii: joined(fluids, |fluid| &fluid.radii),
             ids: None,
             ellipsoids: joined(fluids, |fluid| &fluid.ellipsoids),
+            values: joined(fluids, |fluid| &fluid.values),
+            colors: joined(fluids, |fluid| &fluid.colors),
             fluids: None,
             is_hull: fluids.iter().any(|fluid| fluid.is_hull),
         }

@@ -7,7 +7,7 @@ use super::ellipsoid::Ellipsoid;
 use crate::up_axis::Up;
 
 /// One frame of particles as a structure of arrays: every attribute that is present has one entry
-/// per particle, and every number is finite.
+/// per particle, and every number but those of [`Particles::values`] is finite.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Particles {
     /// Origin of the positions in world space, in metres: 0 where 32-bit floats are precise enough;
@@ -27,6 +27,11 @@ pub struct Particles {
     pub fluids: Option<Vec<u8>>,
     /// Shapes from the file, in units of each particle's radius.
     pub ellipsoids: Option<Vec<Ellipsoid>>,
+    /// Values of a further attribute, for pictures that show it in colours: a scalar, or the length of a vector. NaN for
+    /// particles without one.
+    pub values: Option<Vec<f32>>,
+    /// Colours, linear RGB.
+    pub colors: Option<Vec<Vec3>>,
     /// Whether the particles fill only a hull of the liquid, as those of the recipe `pool`: the space that they
     /// enclose is liquid too.
     pub is_hull: bool,
@@ -131,6 +136,8 @@ impl Particles {
             ids,
             fluids,
             ellipsoids,
+            values,
+            colors,
             is_hull: _,
         } = self;
         filter(positions, &keep);
@@ -140,6 +147,8 @@ impl Particles {
         ids.iter_mut().for_each(|values| filter(values, &keep));
         fluids.iter_mut().for_each(|values| filter(values, &keep));
         ellipsoids.iter_mut().for_each(|values| filter(values, &keep));
+        values.iter_mut().for_each(|values| filter(values, &keep));
+        colors.iter_mut().for_each(|values| filter(values, &keep));
     }
 
     /// World position of particle `i`, m, rounded to 32-bit floats. Unlike the sum it preserves −0.
