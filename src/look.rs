@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Camera;
 use crate::environment::{Environment, Glow};
 use crate::liquid::{Bulk, Particles, Up};
-use crate::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
+use crate::scene::{Kind, Light, Liquid, Scene, Shape, Solid, Surface};
 use crate::settings::Curve;
 
 /// A style of automatic scene. All but [`Look::Chart`] have an endless lit ground, a sky and a light with
-/// caustics, and tint the liquid in proportion to its size.
+/// caustics, and, but for [`Look::Paint`], tint the liquid in proportion to its size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Look {
@@ -28,11 +28,15 @@ pub enum Look {
     /// A high-contrast checkerboard without light, on which refraction is easy to judge; the liquid absorbs
     /// as water does, whatever its size.
     Chart,
+    /// Even white light on a neutral ground, in which an opaque liquid, painted and varnished, or coloured by data, shows its
+    /// colours as they are.
+    Paint,
 }
 
 impl Look {
     /// All looks.
-    pub const ALL: [Self; 5] = [Self::Studio, Self::Daylight, Self::Pool, Self::Night, Self::Chart];
+    pub const ALL: [Self; 6] =
+        [Self::Studio, Self::Daylight, Self::Pool, Self::Night, Self::Chart, Self::Paint];
 
     /// Its name in files and on the command line.
     pub fn name(self) -> &'static str {
@@ -42,6 +46,7 @@ impl Look {
             Self::Pool => "pool",
             Self::Night => "night",
             Self::Chart => "chart",
+            Self::Paint => "paint",
         }
     }
 }
@@ -390,10 +395,26 @@ impl Look {
         scene.settings.caustics.resolution = 384;
         scene.settings.caustics.grid = 256;
         scene.settings.tonemap.curve = Curve::Aces;
+        if self == Self::Paint {
+            scene.liquid = Self::paint();
+            // A curve would change the colours that stand for values.
+            scene.settings.tonemap.curve = Curve::None;
+        }
         // The sky and the ground that fades into it are gradients of fewer steps than pixels.
         scene.settings.tonemap.dither = true;
         scene.settings.tonemap.exposure = lighting.exposure;
         scene
+    }
+
+    /// The liquid of [`Look::Paint`]: paint under a coat of varnish.
+    pub fn paint() -> Liquid {
+        Liquid {
+            kind: Kind::Opaque,
+            ior: 1.4,
+            roughness: 0.1,
+            color: Vec3::new(0.72, 0.1, 0.035),
+            ..Liquid::default()
+        }
     }
 
     /// Its light; `None` for the chart, which has none.
@@ -457,6 +478,20 @@ impl Look {
                 even: Vec3::new(0.13, 0.13, 0.15),
                 odd: Vec3::new(0.10, 0.10, 0.12),
                 exposure: 0.6,
+            },
+            Self::Paint => Lighting {
+                zenith: Vec3::new(0.95, 0.97, 1.0),
+                horizon: Vec3::new(0.78, 0.79, 0.8),
+                nadir: Vec3::new(0.4, 0.4, 0.4),
+                towards: sun,
+                irradiance: Vec3::new(1.3, 1.28, 1.22),
+                glows: [
+                    (sun, Vec3::new(3.0, 2.95, 2.85), 120.0),
+                    (Vec3::new(0.7, 0.8, 0.5), Vec3::new(0.6, 0.6, 0.6), 14.0),
+                ],
+                even: Vec3::new(0.52, 0.52, 0.52),
+                odd: Vec3::new(0.48, 0.48, 0.48),
+                exposure: -0.15,
             },
             Self::Chart => return None,
         })
