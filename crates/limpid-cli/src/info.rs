@@ -152,7 +152,7 @@ impl ArrayInfo {
 
 fn array_info(array: Array) -> ArrayInfo {
     let label = array.to_string();
-    let Array { name, shape, used_as, values } = array;
+    let Array { name, shape, used_as, values, .. } = array;
     ArrayInfo { name, shape, used_as: used_as.map(Attribute::name), values, label }
 }
 

@@ -41,7 +41,7 @@ impl Reading {
             map,
             skip_invalid: self.skip_invalid,
             select: self.select.clone().unwrap_or_default(),
-            values: false,
+            ..ReadOptions::default()
         }
     }
 }

@@ -64,6 +64,7 @@ pub mod project;
 pub mod quality;
 pub mod sequence;
 pub mod shared_classifier;
+pub mod spread;
 mod vtk_lists;
 
 pub use error::{Error, Result};

@@ -28,6 +28,7 @@ mod prt;
 mod remark;
 mod scf;
 mod selection;
+pub(crate) mod shown;
 pub(crate) mod table;
 pub(crate) mod trajectory;
 mod uni;
@@ -165,8 +166,12 @@ pub struct ReadOptions {
     pub skip_invalid: bool,
     /// Which particles are read.
     pub select: Selection,
-    /// Find the values of integer arrays that have few: [`Array::values`].
+    /// Describe the arrays: [`Array::spread`], and [`Array::values`] of those of integers that have few.
     pub values: bool,
+    /// An attribute to be shown in colours, whatever its name; case does not matter. It is read to
+    /// [`Particles::values`], and `color` to [`Particles::colors`]: bytes as sRGB, floats as linear. A file without it is
+    /// an error.
+    pub shown: Option<String>,
 }
 
 /// [`ReadOptions`], resolved for a file.
@@ -179,12 +184,14 @@ struct Reading<'a> {
     skip_invalid: bool,
     select: &'a Selection,
     values: bool,
+    shown: Option<&'a str>,
 }
 
 impl<'a> Reading<'a> {
     fn new(options: &'a ReadOptions, budget: &'a Budget) -> Self {
-        let ReadOptions { max_unpacked: _, map, skip_invalid, select, values } = options;
-        Self { options, budget, map, skip_invalid: *skip_invalid, select, values: *values }
+        let ReadOptions { max_unpacked: _, map, skip_invalid, select, values, shown } = options;
+        let (shown, skip_invalid, values) = (shown.as_deref(), *skip_invalid, *values);
+        Self { options, budget, map, skip_invalid, select, values, shown }
     }
 
     /// Whether the numbers of an array are kept until the file is read, beside what attribute it may be.
@@ -194,13 +201,14 @@ impl<'a> Reading<'a> {
 
     /// Whether an array is read.
     fn wants(&self, array: &str) -> bool {
-        self.map.attribute_of(array).is_some() || self.keeps(array)
+        self.map.attribute_of(array).is_some() || self.keeps(array) || self.shows(array)
     }
 
     /// Memory that reading an array takes, bytes a particle.
     fn bytes_of(&self, array: &str) -> u64 {
         let kept = if self.keeps(array) { size_of::<f64>() as u64 } else { 0 };
-        self.map.attribute_of(array).map_or(0, Attribute::bytes) + kept
+        let shown = if self.shows_or_describes(array) { size_of::<[f32; 4]>() as u64 } else { 0 };
+        self.map.attribute_of(array).map_or(0, Attribute::bytes) + kept + shown
     }
 }
 
@@ -359,7 +367,12 @@ impl Contents {
     fn bytes(&self) -> u64 {
         let attributes = attributes(&self.particles);
         let numbers = attributes.iter().map(|(_, values)| values.bytes() as u64);
-        numbers.fold(POSITION_BYTES * self.particles.len() as u64, u64::saturating_add)
+        let Particles { values, colors, .. } = &self.particles;
+        let values = values.iter().map(|values| size_of_val(&values[..]));
+        let shown = values.chain(colors.iter().map(|colors| size_of_val(&colors[..])));
+        numbers
+            .chain(shown.map(|bytes| bytes as u64))
+            .fold(POSITION_BYTES * self.particles.len() as u64, u64::saturating_add)
     }
 
     /// As [`Contents::read`], for contents in memory; see [`parse`].

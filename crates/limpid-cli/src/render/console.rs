@@ -160,7 +160,8 @@ fn describe(loaded: &Loaded, adapter: &str) -> String {
         loaded.remarks.iter().any(of_array)
     };
     for (used, word) in [(true, "used"), (false, "ignored")] {
-        let arrays = loaded.arrays.iter().filter(|array| array.used_as.is_some() == used);
+        let is_used = |array: &&Array| array.used_as.is_some() || array.is_shown;
+        let arrays = loaded.arrays.iter().filter(|array| is_used(array) == used);
         let arrays = arrays.filter(|array| used || !has_remark(&array.name));
         if let Some(names) = listed(arrays) {
             text += &format!(", {names} {word}");

@@ -11,9 +11,11 @@ use limpid::memory;
 use super::ReadOptions;
 use super::labelled::canonical;
 use super::remark::Remark;
+use super::shown::{Part, spelling, unit_of};
 use super::table::{Column, Table, Unplaced};
 use super::{Attribute, AttributeMap, Particles, Reading};
 use crate::error::{Error, Result, printable};
+use crate::spread::Spread;
 
 /// The axis that points up in files of `DualSPHysics`.
 pub(super) const DUALSPHYSICS: (Up, &str) = (Up::Z, "DualSPHysics");
@@ -22,7 +24,7 @@ pub(super) const DUALSPHYSICS: (Up, &str) = (Up::Z, "DualSPHysics");
 pub(super) const MOST_LISTED: usize = 1024;
 
 /// An array of a particle file, other than the positions.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Array {
     /// Its name in the file; if several columns form the attribute, all their names.
     pub name: String,
@@ -32,6 +34,21 @@ pub struct Array {
     pub used_as: Option<Attribute>,
     /// Its values, if it is ignored, they are few integers, and [`ReadOptions::values`] asks for them.
     pub values: Vec<i64>,
+    /// Whether it is read as [`ReadOptions::shown`].
+    pub is_shown: bool,
+    /// The spread of its values, or of the lengths of its vectors, among the particles that were read, if it has one to
+    /// four numbers a particle and [`ReadOptions::values`] asks for it. Of several files together, the extremes.
+    pub spread: Option<Spread>,
+}
+
+impl Array {
+    /// Its name without a unit, and this: that of `Pressure [Pa]`; empty without one.
+    pub fn name_and_unit(&self) -> (&str, &str) {
+        match unit_of(&self.name) {
+            Some(unit) => (spelling(&self.name), unit),
+            None => (&self.name, ""),
+        }
+    }
 }
 
 impl fmt::Display for Array {
@@ -59,6 +76,8 @@ pub struct Contents {
     /// Columns that attributes are made of, or that decide which particles are read: their names in lower case,
     /// without units, and their numbers.
     pub(super) columns: Vec<(String, Vec<f64>)>,
+    /// Arrays that are shown or described.
+    pub(super) parts: Vec<Part>,
     /// Whether [`Contents::settle`] has decided what of it is used.
     pub(super) settled: bool,
     /// The first particle without a position, until it is left out.
@@ -85,6 +104,7 @@ impl Contents {
             return Err(Error::format(path, problem));
         }
         self.settle(path, reading)?;
+        self.check_shown(path, reading)?;
         Ok(self)
     }
 
@@ -100,8 +120,8 @@ impl Contents {
         self.take_as(Some(attribute), &names.join(" "), &shape, &table, &columns)
     }
 
-    /// Keeps the numbers of an array that is one of several from which an attribute is read, or that decides which
-    /// particles are.
+    /// Keeps the numbers of an array that is one of several from which an attribute is read, that decides which
+    /// particles are, or that is shown.
     pub(super) fn keep(
         &mut self,
         reading: &Reading<'_>,
@@ -115,7 +135,7 @@ impl Contents {
             self.check_rows(name, table)?;
             self.columns.push((canonical(name), table.numbers(column)?));
         }
-        Ok(())
+        self.keep_shown(reading, name, table, columns)
     }
 
     /// Reads an array as the attribute of its name, if there is one and the particles lack it.
@@ -278,7 +298,14 @@ impl Contents {
     pub(super) fn list(&mut self, name: &str, shape: &[usize], used_as: Option<Attribute>) {
         if self.arrays.len() < MOST_LISTED {
             let (name, shape) = (printable(name.into()), shape.to_vec());
-            self.arrays.push(Array { name, shape, used_as, values: Vec::new() });
+            self.arrays.push(Array {
+                name,
+                shape,
+                used_as,
+                values: Vec::new(),
+                is_shown: false,
+                spread: None,
+            });
         }
     }
 

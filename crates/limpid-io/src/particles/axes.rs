@@ -108,6 +108,12 @@ impl Grid {
         planar.or_else(|| self.axes_of(attribute.width(), positions)).or_else(of_two)
     }
 
+    /// As [`Grid::attribute`], for an array of one to four numbers a particle that is shown or described.
+    pub(super) fn shown(&self, positions: &Places) -> Option<Axes> {
+        let fits = |axes: &Axes| self.sizes.get(axes.particles) == Some(&positions.rows);
+        [1, 3, 2, 4].iter().find_map(|&width| self.axes_of(width, positions).filter(fits))
+    }
+
     /// As [`Grid::attribute`], for `width` numbers a particle.
     pub(super) fn axes_of(&self, width: usize, positions: &Places) -> Option<Axes> {
         let (steps, rows, own) = (positions.steps, positions.rows, positions.axes);

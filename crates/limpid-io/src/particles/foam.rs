@@ -71,19 +71,49 @@ pub(super) fn read_beside(
         }
         let mut bytes = Vec::new();
         files::read(&path, |_| reading.budget.left(), &mut bytes)?;
-        let mut list = List::read(&path, &bytes)?;
-        if list.uniform {
-            let rows = contents.particles.len();
-            memory::probe(rows.saturating_mul(8 * list.width), path.display())?;
-            list.numbers = list.numbers.repeat(rows);
-            list.count = rows;
-        }
+        let mut list = List::read_for(contents.particles.len(), &path, &bytes)?;
         list.numbers.iter_mut().for_each(|number| *number *= factor);
         let (width, table) = (list.width, list.table());
         let shape = [table.rows, width];
         let shape = if width == 1 { &shape[..1] } else { &shape[..] };
         let columns = Column::adjacent(0, width, Scalar::F64);
+        contents.keep(reading, name, &table, &columns)?;
         contents.take_as(Some(attribute), name, shape, &table, &columns)?;
+    }
+    if reading.values || reading.shown.is_some() {
+        let known = beside.map(|(name, ..)| name);
+        return read_others(folder, &known, contents, reading);
+    }
+    Ok(())
+}
+
+/// Lists the files beside the positions that are no attributes, and reads those that are shown or described.
+fn read_others(
+    folder: &Path,
+    known: &[&str],
+    contents: &mut Contents,
+    reading: &Reading<'_>,
+) -> Result<()> {
+    let places = ["positions", "coordinates"];
+    let mut names = files::names_in(folder).unwrap_or_default();
+    names.retain(|name| !known.contains(&name.as_str()) && !places.contains(&name.as_str()));
+    names.sort_unstable();
+    let rows = contents.particles.len();
+    for name in names.iter().filter(|name| files::is_file(&folder.join(name))) {
+        let path = folder.join(name);
+        let mut bytes = Vec::new();
+        let mut shape = vec![rows];
+        if reading.shows_or_describes(name) {
+            files::read(&path, |_| reading.budget.left(), &mut bytes)?;
+            let list = match List::read_for(rows, &path, &bytes) {
+                Err(_) if !reading.shows(name) => continue,
+                list => list?,
+            };
+            let (width, table) = (list.width, list.table());
+            contents.keep(reading, name, &table, &Column::adjacent(0, width, Scalar::F64))?;
+            shape.extend(Some(width).filter(|&width| width > 1));
+        }
+        contents.list(name, &shape, None);
     }
     Ok(())
 }
@@ -104,6 +134,17 @@ struct List<'a> {
 }
 
 impl<'a> List<'a> {
+    /// Reads the list of a file beside `rows` positions.
+    fn read_for(rows: usize, path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
+        let mut list = Self::read(path, bytes)?;
+        if list.uniform {
+            memory::probe(rows.saturating_mul(8 * list.width), path.display())?;
+            list.numbers = list.numbers.repeat(rows);
+            list.count = rows;
+        }
+        Ok(list)
+    }
+
     fn read(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
         let source = FileBytes { path, bytes, text: true };
         let mut tokens = Tokens::new(bytes);

@@ -214,6 +214,9 @@ impl<'a> Archive<'a> {
             let (table, columns) = self.columns(&path, place, members, fields, &places, step)?;
             let shape = [table.rows, columns.len()];
             self.count(&path, Attribute::Velocity.bytes().saturating_mul(table.rows as u64))?;
+            for (&at, column) in fields.iter().zip(&columns) {
+                contents.keep(&self.reading, &members[at].name, &table, &[*column])?;
+            }
             contents.take_as(Some(Attribute::Velocity), &name, &shape, &table, &columns)?;
         }
         for link in self.links_of(place) {
@@ -237,10 +240,11 @@ impl<'a> Archive<'a> {
             let (name, shape) = (&member.name, &member.shape);
             let grid = member.grid.as_ref();
             let keeps = self.reading.keeps(name);
-            let is_label = self.reading.values && grid.is_some_and(|grid| !grid.is_float());
+            let shows = self.reading.shows_or_describes(name);
             let axes = match attribute {
                 Some(attribute) => grid.and_then(|grid| grid.attribute(attribute, &places)),
-                None if keeps || is_label => grid.and_then(|grid| grid.axes_of(1, &places)),
+                None if keeps => grid.and_then(|grid| grid.axes_of(1, &places)),
+                None if shows => grid.and_then(|grid| grid.shown(&places)),
                 None => None,
             };
             let Some(axes) = axes else {
@@ -262,7 +266,7 @@ impl<'a> Archive<'a> {
                     continue;
                 }
                 // Only its values would have been listed.
-                Err(_) if attribute.is_none() && !keeps => {
+                Err(_) if attribute.is_none() && !self.reading.wants(name) => {
                     contents.list(name, shape, None);
                     continue;
                 }

@@ -80,15 +80,17 @@ pub(super) fn parse(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<
                 let (table, columns) = attribute.table(source, points, budget)?;
                 contents.take(reading, name, &table, &columns)?;
             }
-            _ if size == 1 && reading.keeps(name) => {
+            _ if size == 1 && reading.keeps(name) || size > 0 && reading.shows(name) => {
                 let (table, columns) = attribute.table(source, points, budget)?;
                 contents.take(reading, name, &table, &columns)?;
             }
-            None if size == 1 && reading.values => match attribute.table(source, points, budget) {
-                Ok((table, columns)) => contents.take(reading, name, &table, &columns)?,
-                // Only its values would have been listed.
-                Err(_) => contents.list(name, &[points], None),
-            },
+            None if (1..=4).contains(&size) && reading.values => {
+                match attribute.table(source, points, budget) {
+                    Ok((table, columns)) => contents.take(reading, name, &table, &columns)?,
+                    // Only its values would have been listed.
+                    Err(_) => contents.list(name, &[points, size][..size.min(2)], None),
+                }
+            }
             kind if size < 2 => contents.pass_over(kind, name, &[points]),
             kind => contents.pass_over(kind, name, &[points, size]),
         }

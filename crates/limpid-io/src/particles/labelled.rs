@@ -57,7 +57,7 @@ fn columns_among<const N: usize>(
 }
 
 /// Finds columns by their names.
-fn all_among(names: &[String], wanted: &[impl AsRef<str>]) -> Option<Vec<usize>> {
+pub(super) fn all_among(names: &[String], wanted: &[impl AsRef<str>]) -> Option<Vec<usize>> {
     wanted.iter().map(|wanted| names.iter().position(|name| name == wanted.as_ref())).collect()
 }
 
@@ -157,7 +157,10 @@ impl<'a> Layout<'a> {
         let attributes: Vec<(Attribute, Vec<usize>)> = vectors.into_iter().chain(single).collect();
         let fields = attributes.iter().flat_map(|(_, fields)| fields).chain(&positions);
         let used: Vec<usize> = fields.copied().collect();
-        let is_read = |field: &usize| reading.values || reading.keeps(&labels[*field]);
+        let is_read = |field: &usize| {
+            let label = &labels[*field];
+            reading.keeps(label) || reading.shows_or_describes(label)
+        };
         let others = (0..labels.len()).filter(|field| !used.contains(field)).filter(is_read);
         let others = others.collect();
         let mapped = map.has(Attribute::Position);

@@ -303,6 +303,9 @@ impl<'a, R: Read + Seek> Members<'a, R> {
             let (path, columns) = self.columns(headers, &velocities)?;
             let (table, columns) = Table::of_columns(&path, &columns)?;
             let (name, shape) = (self.names_of(&velocities), [table.rows, columns.len()]);
+            for (&at, column) in velocities.iter().zip(&columns) {
+                contents.keep(reading, &self.arrays[at].1, &table, &[*column])?;
+            }
             contents.take_as(Some(Attribute::Velocity), &name, &shape, &table, &columns)?;
         }
         let used = |at: &usize| positions.contains(at) || velocities.contains(at);
@@ -321,12 +324,10 @@ impl<'a, R: Read + Seek> Members<'a, R> {
                 super::attribute_names(&contents.particles).any(|has| has == attribute.name())
             };
             let attribute = map.attribute_of(&name).filter(|&attribute| !has(attribute));
-            let is_label = reading.values && !grid.is_float();
             let axes = match attribute {
                 Some(attribute) if header.plain => grid.attribute(attribute, places),
-                None if header.plain && (reading.keeps(&name) || is_label) => {
-                    grid.axes_of(1, places)
-                }
+                None if header.plain && reading.keeps(&name) => grid.axes_of(1, places),
+                None if header.plain && reading.shows_or_describes(&name) => grid.shown(places),
                 _ => None,
             };
             let Some(axes) = axes else {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::{Attribute, Contents, Reading, Remark, attribute_names, foreign};
+use super::{Array, Attribute, Contents, MOST_LISTED, Reading, Remark, attribute_names, foreign};
 use crate::error::{Error, Result, printable};
 use crate::vtk_lists;
 use limpid::liquid::Particles;
@@ -45,15 +45,21 @@ pub(crate) fn joined(path: &Path, mut parts: Vec<(String, Contents)>) -> Result<
         all.cells = all.cells.saturating_add(part.cells);
         all.up = all.up.or(part.up);
         for array in std::mem::take(&mut part.arrays) {
+            let is_full = all.arrays.len() >= MOST_LISTED;
             match all.arrays.iter_mut().find(|known| known.name == array.name) {
                 Some(known) => {
+                    known.is_shown |= array.is_shown;
+                    known.spread = known.spread.zip(array.spread).map(|(a, b)| a.joined(b));
                     known.used_as = known.used_as.or(array.used_as);
                     if let (Some(rows), Some(more)) = (known.shape.first_mut(), array.shape.first())
                     {
                         *rows = rows.saturating_add(*more);
                     }
                 }
-                None => all.list(&array.name, &array.shape, array.used_as),
+                None if !is_full => {
+                    all.arrays.push(Array { values: Vec::new(), ..array });
+                }
+                None => {}
             }
         }
         for remark in std::mem::take(&mut part.remarks) {

@@ -31,12 +31,15 @@ impl Contents {
         }
         let selected = self.selected(path, reading)?;
         self.columns = Vec::new();
+        self.show(reading);
         let placed = self.placed(reading)?;
         if placed.is_some() || selected.is_some() {
             let keeps =
                 |mask: &Option<Vec<bool>>, i: usize| mask.as_ref().is_none_or(|mask| mask[i]);
             self.particles.retain(|i| keeps(&placed, i) && keeps(&selected, i));
+            self.describe(|i| keeps(&placed, i) && keeps(&selected, i));
         }
+        self.describe(|_| true);
         self.apply(reading.map);
         self.repair();
         Ok(())

@@ -300,9 +300,7 @@ impl<'a> Document<'a> {
                     let used = match section {
                         Section::Points => true,
                         Section::PointData | Section::CellData => {
-                            let is_integer =
-                                at.attribute("type")?.is_some_and(|kind| kind.contains("Int"));
-                            reading.wants(&name) || reading.values && size == 1 && is_integer
+                            reading.wants(&name) || reading.values && size <= 4
                         }
                         Section::Cells | Section::Other => {
                             name == "types" || name == "connectivity"
@@ -313,7 +311,7 @@ impl<'a> Document<'a> {
                     let read = used.then(|| at.array(name.clone(), section, size, rows));
                     let array = match read {
                         // The particles do not depend on it.
-                        Some(Err(_)) if name == "connectivity" => None,
+                        Some(Err(_)) if section != Section::Points && !reading.wants(&name) => None,
                         read => read.transpose()?.flatten(),
                     };
                     let text = if empty { start..start } else { text_of(&mut xml, source)? };

@@ -19,6 +19,7 @@ mod ply;
 mod pos;
 mod selection;
 mod shapes;
+mod shown;
 mod simulators;
 mod trajectories;
 mod usable;

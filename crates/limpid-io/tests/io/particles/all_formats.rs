@@ -5,6 +5,7 @@ use std::path::Path;
 
 use limpid::liquid::Particles;
 use limpid_io::Error;
+use limpid_io::particles::{Contents, ReadOptions};
 
 use super::bgeo::{bgeo, gzip};
 use super::csv::CSV;
@@ -107,6 +108,10 @@ fn bit_flips_never_panic() {
             if let Ok(particles) = read(name, &bytes) {
                 assert_valid(&particles);
             }
+            // What is described and shown is unpacked too.
+            let shown = Some("color".to_owned());
+            let options = ReadOptions { values: true, shown, ..ReadOptions::default() };
+            let _ = Contents::parse(Path::new(name), &bytes, &options);
             bytes[bit / 8] ^= 1 << (bit % 8);
         }
     }
