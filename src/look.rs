@@ -480,18 +480,18 @@ impl Look {
                 exposure: 0.6,
             },
             Self::Paint => Lighting {
-                zenith: Vec3::new(0.95, 0.97, 1.0),
-                horizon: Vec3::new(0.78, 0.79, 0.8),
-                nadir: Vec3::new(0.4, 0.4, 0.4),
+                zenith: Vec3::new(0.74, 0.76, 0.79),
+                horizon: Vec3::new(0.66, 0.665, 0.675),
+                nadir: Vec3::new(0.34, 0.34, 0.34),
                 towards: sun,
-                irradiance: Vec3::new(1.3, 1.28, 1.22),
+                irradiance: Vec3::new(2.0, 1.97, 1.9),
                 glows: [
                     (sun, Vec3::new(3.0, 2.95, 2.85), 120.0),
                     (Vec3::new(0.7, 0.8, 0.5), Vec3::new(0.6, 0.6, 0.6), 14.0),
                 ],
                 even: Vec3::new(0.52, 0.52, 0.52),
                 odd: Vec3::new(0.48, 0.48, 0.48),
-                exposure: -0.15,
+                exposure: -0.2,
             },
             Self::Chart => return None,
         })
