@@ -146,7 +146,9 @@ impl Fingerprints {
             let fraction = format!("{:x}", at.fraction.to_bits());
             let motion = loader.motion();
             let motion = motion.map(|motion| describe_motion(motion, at, loader.missing));
-            let parts: Vec<String> = parts.chain([fraction]).chain(motion).collect();
+            let colors =
+                loader.color_by().map(|by| format!("{by:?} {:?}", loader.color_scale().ok()));
+            let parts: Vec<String> = parts.chain([fraction]).chain(motion).chain(colors).collect();
             Fingerprint::over(parts.iter().map(String::as_bytes))
         });
         let run = run_of(scene, size);

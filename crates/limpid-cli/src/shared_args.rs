@@ -6,6 +6,7 @@ use glam::UVec2;
 use limpid::liquid::Up;
 use limpid::look::Look;
 use limpid_io::adjustments::{Adjustments, Floor, Sun, Tint};
+use limpid_io::color_by::{Attribute, ColorRange, MapName};
 use limpid_io::frames::FrameSpec;
 use limpid_io::particles::{AttributeMap, ReadOptions, Selection};
 use limpid_io::sequence::Sequence;
@@ -92,7 +93,7 @@ impl Inputs {
 // Options that change the scene; a doc comment here would become their help.
 #[derive(clap::Args)]
 pub(crate) struct SceneChanges {
-    /// The look: studio, daylight, pool, night or chart. Replaces sky, light and tone curve, and, unless
+    /// The look: studio, daylight, pool, night, chart or paint. Replaces sky, light and tone curve, and, unless
     /// the scene has solids of its own, the ground [default: studio for files and for scenes without an
     /// [environment]].
     #[arg(long)]
@@ -114,6 +115,19 @@ pub(crate) struct SceneChanges {
     /// (water, whatever its size); or clear.
     #[arg(long, value_name = "R,G,B")]
     tint: Option<Tint>,
+    /// Color the particles by an attribute of their files: velocity, density, radius, any other scalar or the length of any
+    /// vector by its name, x, y or z; id and fluid as categories; color for colors of their own. Makes the liquid
+    /// opaque; without a scene the look is paint. `limpid info` lists the attributes with their ranges.
+    #[arg(long, value_name = "ATTRIBUTE", value_parser = parse_attribute)]
+    color_by: Option<Attribute>,
+    /// The color map of --color-by: viridis, plasma, inferno, magma, cividis, turbo, coolwarm, spectral or greys [default:
+    /// viridis].
+    #[arg(long, value_name = "NAME")]
+    colormap: Option<MapName>,
+    /// The values that the map's ends stand for, as 20:80; auto is the 2nd to 98th percentile of the whole sequence, the
+    /// same for every frame [default: auto].
+    #[arg(long, allow_hyphen_values = true, value_name = "LOW:HIGH")]
+    range: Option<ColorRange>,
     /// The axis that points up in the files: y or z.
     #[arg(long, value_parser = parse_up)]
     up: Option<Up>,
@@ -125,8 +139,22 @@ pub(crate) struct SceneChanges {
 impl SceneChanges {
     /// The changes, with the rate of the sequence.
     pub(crate) fn adjustments(&self, fps: Option<f64>) -> Adjustments {
-        let Self { look, sky, sun, floor, ior, tint, up, scale } = *self;
-        Adjustments { look, sky, sun, floor, ior, tint, up, scale, fps }
+        let Self { look, sky, sun, floor, ior, tint, colormap, range, up, scale, .. } = *self;
+        let (color_by, color_range) = (self.color_by.clone(), range);
+        Adjustments {
+            look,
+            sky,
+            sun,
+            floor,
+            ior,
+            tint,
+            color_by,
+            colormap,
+            color_range,
+            up,
+            scale,
+            fps,
+        }
     }
 }
 
@@ -149,6 +177,14 @@ fn is_output(file: &Path) -> bool {
 /// Parses the length of a unit.
 fn parse_scale(text: &str) -> Result<f64, &'static str> {
     text.parse().map_err(|_| "expected the unit's length in metres, as 0.001")
+}
+
+/// Parses the name of an attribute.
+fn parse_attribute(text: &str) -> Result<Attribute, &'static str> {
+    match text.trim() {
+        "" => Err("expected the name of an attribute, as velocity"),
+        name => Ok(name.into()),
+    }
 }
 
 /// Parses the name of an axis.

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use crate::color_by::{Attribute, ColorBy, ColorRange, MapName};
 use crate::error::{Error, Result};
 use crate::floor::is_ground;
 use crate::project::Project;
@@ -31,6 +32,13 @@ pub struct Adjustments {
     pub ior: Option<f32>,
     /// The liquid's colour.
     pub tint: Option<Tint>,
+    /// The attribute that colours the particles. It makes the liquid opaque, and without a scene or another look it picks
+    /// [`Look::Paint`].
+    pub color_by: Option<Attribute>,
+    /// The map of its values.
+    pub colormap: Option<MapName>,
+    /// The range of the map.
+    pub color_range: Option<ColorRange>,
     /// The axis of the files that points up.
     pub up: Option<Up>,
     /// Length of the files' unit, m.
@@ -170,6 +178,9 @@ impl Adjustments {
             ("floor", self.floor.map(|floor| floor.to_string())),
             ("ior", self.ior.map(|ior| ior.to_string())),
             ("tint", self.tint.map(|tint| tint.to_string())),
+            ("color-by", self.color_by.as_ref().map(ToString::to_string)),
+            ("colormap", self.colormap.map(|map| map.to_string())),
+            ("range", self.color_range.map(|range| range.to_string())),
             ("up", self.up.map(|axis| up(axis).to_owned())),
             ("scale", self.scale.map(|scale| scale.to_string())),
         ];
@@ -181,17 +192,64 @@ impl Adjustments {
         self.sky.is_some() || matches!(self.tint, Some(Tint::Color(_)))
     }
 
+    /// Makes the liquid opaque if its look is paint or an attribute colours it, and sets the attribute, its map and its
+    /// range.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a map or a range without an attribute that has one.
+    fn color(&self, project: &mut Project) -> Result<()> {
+        let is_paint = self.look == Some(Look::Paint) || self.color_by.is_some();
+        if is_paint && !project.scene.is_opaque() {
+            project.scene.liquid = Look::paint();
+        }
+        if let Some(attribute) = &self.color_by {
+            project.color_by = Some(ColorBy::new(attribute.clone()));
+        }
+        if self.colormap.is_none() && self.color_range.is_none() {
+            return Ok(());
+        }
+        let Some(by) = &mut project.color_by else {
+            let problem =
+                "a color map and a range show an attribute: name one to color by, as velocity";
+            return Err(Error::Usage(problem.into()));
+        };
+        if !by.attribute.is_mapped() {
+            let problem = format!(
+                "{} has colors of its own: leave out the color map and the range",
+                by.attribute
+            );
+            return Err(Error::Usage(problem));
+        }
+        by.map = self.colormap.unwrap_or(by.map);
+        by.range = self.color_range.map_or(by.range, ColorRange::given);
+        Ok(())
+    }
+
     /// Changes the optics, the sky, the sun and the ground of a scene; a colour of the liquid and the lamps of a sky
     /// are relative to its body.
     ///
     /// # Errors
     /// [`Error::Usage`] for the height of a ground that the scene does not have.
     pub(crate) fn apply(&self, project: &mut Project, body: Option<&Body>) -> Result<()> {
+        self.color(project)?;
         let Project { scene, motion, .. } = project;
         if let Some(ior) = self.ior {
             scene.liquid.ior = ior;
         }
-        if let Some(tint) = self.tint {
+        if let Some(tint) = self.tint.filter(|_| scene.is_opaque()) {
+            scene.liquid.color = match tint {
+                Tint::Color(_) if project.color_by.is_some() => {
+                    let problem =
+                        "a tint on a body that is colored by an attribute: give one of them";
+                    return Err(Error::Usage(problem.into()));
+                }
+                Tint::Color(color) => color,
+                tint => {
+                    let problem = format!("{tint} is no color of an opaque body: give R,G,B");
+                    return Err(Error::Usage(problem));
+                }
+            };
+        } else if let Some(tint) = self.tint {
             let thickness = body.map_or(1.0, Body::thickness) as f32;
             scene.liquid.absorption = match tint {
                 Tint::Physical => Liquid::default().absorption,

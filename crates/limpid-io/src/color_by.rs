@@ -10,10 +10,13 @@ use limpid::mesh::linear_from_srgb;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+#[cfg(doc)]
+use crate::particles::ReadOptions;
+use crate::particles::shown::{COLOR, is_color};
 
-/// An attribute that colours particles: `liquid.color_by` in a scene file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// An attribute that colours particles: `liquid.color_by` in a scene file, its name there.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
 pub enum Attribute {
     /// Speed: the length of the velocity.
     Velocity,
@@ -25,41 +28,55 @@ pub enum Attribute {
     Id,
     /// Number of the scene's fluid, from 1: a category.
     Fluid,
+    /// Colours of the particles' own: see [`ReadOptions::shown`].
+    Color,
+    /// A scalar of the file, or the length of a vector, by the name of its array.
+    Other(String),
 }
 
 impl Attribute {
-    /// All attributes.
-    pub const ALL: [Self; 5] = [Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Fluid];
-
     /// Its name.
-    pub fn name(self) -> &'static str {
+    pub fn name(&self) -> &str {
         match self {
             Self::Velocity => "velocity",
             Self::Density => "density",
             Self::Radius => "radius",
             Self::Id => "id",
             Self::Fluid => "fluid",
+            Self::Color => COLOR,
+            Self::Other(name) => name,
         }
     }
 
-    /// Unit of its values; empty without one.
-    pub fn unit(self) -> &'static str {
+    /// Unit of its values, if that is the same in all files; empty without one.
+    pub fn unit(&self) -> &'static str {
         match self {
             Self::Velocity => "m/s",
             Self::Density => "kg/m³",
             Self::Radius => "m",
-            Self::Id | Self::Fluid => "",
+            Self::Id | Self::Fluid | Self::Color | Self::Other(_) => "",
         }
+    }
+
+    /// Whether a colour map shows it.
+    pub fn is_mapped(&self) -> bool {
+        !matches!(self, Self::Id | Self::Fluid | Self::Color)
+    }
+
+    /// The attribute that readers are to keep for it: [`ReadOptions::shown`].
+    pub fn of_files(&self) -> Option<String> {
+        (*self != Self::Fluid).then(|| self.name().to_owned())
     }
 
     /// The attributes that these particles have.
     pub fn of(particles: &Particles) -> Vec<Self> {
-        Self::ALL.into_iter().filter(|attribute| attribute.values(particles).is_some()).collect()
+        let all = [Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Fluid, Self::Color];
+        all.into_iter().filter(|attribute| attribute.values(particles).is_some()).collect()
     }
 
-    /// The values of particles, if they have them.
-    pub fn values(self, particles: &Particles) -> Option<Values> {
-        let Particles { velocities, densities, radii, ids, fluids, .. } = particles;
+    /// The values of particles, if they have them. Those of another attribute are [`Particles::values`].
+    pub fn values(&self, particles: &Particles) -> Option<Values> {
+        let Particles { velocities, densities, radii, ids, fluids, values, colors, .. } = particles;
         Some(match self {
             Self::Velocity => {
                 Values::Scalars(velocities.as_ref()?.iter().map(|v| v.length()).collect())
@@ -70,7 +87,41 @@ impl Attribute {
             Self::Fluid => {
                 Values::Categories(fluids.as_ref()?.iter().map(|&fluid| fluid.into()).collect())
             }
+            // A file may have one number of this name.
+            Self::Color => match colors {
+                Some(colors) => Values::Colors(colors.clone()),
+                None => Values::Scalars(values.clone()?),
+            },
+            Self::Other(_) => Values::Scalars(values.clone()?),
         })
+    }
+}
+
+impl From<&str> for Attribute {
+    /// The attribute of a name, in any case.
+    fn from(name: &str) -> Self {
+        let name = name.trim();
+        match name.to_ascii_lowercase().as_str() {
+            "velocity" => Self::Velocity,
+            "density" => Self::Density,
+            "radius" => Self::Radius,
+            "id" => Self::Id,
+            "fluid" => Self::Fluid,
+            lower if is_color(lower) => Self::Color,
+            _ => Self::Other(name.to_owned()),
+        }
+    }
+}
+
+impl From<String> for Attribute {
+    fn from(name: String) -> Self {
+        name.as_str().into()
+    }
+}
+
+impl From<Attribute> for String {
+    fn from(attribute: Attribute) -> Self {
+        attribute.name().to_owned()
     }
 }
 
@@ -87,6 +138,19 @@ pub enum Values {
     Scalars(Vec<f32>),
     /// Numbers that only tell particles apart.
     Categories(Vec<u64>),
+    /// Colours, linear RGB.
+    Colors(Vec<Vec3>),
+}
+
+impl Values {
+    /// The values as numbers, if they are some.
+    pub fn scalars(self) -> Option<Vec<f32>> {
+        match self {
+            Self::Scalars(values) => Some(values),
+            Self::Categories(numbers) => Some(numbers.iter().map(|&n| n as i64 as f32).collect()),
+            Self::Colors(_) => None,
+        }
+    }
 }
 
 /// A colour map.
@@ -212,18 +276,69 @@ fn coolwarm(place: f64) -> [u8; 3] {
     (rgb_from_xyz * xyz).to_array().map(|c| (255.0 * srgb(c)).round() as u8)
 }
 
+/// The range of values that a colour map shows: `20:80` or `auto`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum ColorRange {
+    /// The usual one of the whole sequence: [`crate::input::Loader::color_scale`].
+    Auto,
+    /// From one value to a larger one.
+    Of([f32; 2]),
+}
+
+impl ColorRange {
+    /// The range; `None` for the usual one.
+    pub fn given(self) -> Option<[f32; 2]> {
+        if let Self::Of(range) = self { Some(range) } else { None }
+    }
+
+    /// Whether two numbers are a range.
+    pub(crate) fn rises([low, high]: [f32; 2]) -> bool {
+        low.is_finite() && high.is_finite() && low < high
+    }
+}
+
+impl fmt::Display for ColorRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Of([low, high]) => write!(f, "{low}:{high}"),
+        }
+    }
+}
+
+impl FromStr for ColorRange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text.trim() == "auto" {
+            return Ok(Self::Auto);
+        }
+        let ends = text.split_once(':').and_then(|(low, high)| {
+            let number = |text: &str| text.trim().parse::<f32>().ok();
+            Some([number(low)?, number(high)?])
+        });
+        let range = ends.filter(|ends| Self::rises(*ends)).map(Self::Of);
+        range.ok_or_else(|| "expected LOW:HIGH, the smaller one first, as 20:80; or auto".into())
+    }
+}
+
 /// Colours by an attribute.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ColorBy {
     /// The attribute.
     pub attribute: Attribute,
     /// The map of its values; categories have ten colours of their own.
     pub map: MapName,
-    /// Values of the map's first and last colour; `None` for those of [`usual_range`].
+    /// Values of the map's first and last colour; `None` for the usual ones of the sequence.
     pub range: Option<[f32; 2]>,
 }
 
 impl ColorBy {
+    /// Colours by an attribute, with the default map over the usual range.
+    pub fn new(attribute: Attribute) -> Self {
+        Self { attribute, map: MapName::default(), range: None }
+    }
+
     /// The colours of particles with these splats; `range` is that of values if the user gave none.
     ///
     /// # Errors
@@ -235,7 +350,12 @@ impl ColorBy {
         splats: &Splats,
         range: [f32; 2],
     ) -> Result<Colors> {
-        let values = self.attribute.values(particles).ok_or_else(|| self.missing(particles))?;
+        // The first frames of many emitters have no particles, and no attributes.
+        let values = match self.attribute.values(particles) {
+            None if particles.is_empty() => Values::Scalars(Vec::new()),
+            values => values.ok_or_else(|| self.missing(particles))?,
+        };
+        let given = |colors: &[Vec3]| Colors::given(particles, default_radius, splats, colors);
         Ok(match values {
             Values::Scalars(values) => {
                 let map = self.map.over(self.range.unwrap_or(range));
@@ -246,14 +366,15 @@ impl ColorBy {
                     let color = colorous::TABLEAU10[(number % 10) as usize];
                     linear(color.into_array())
                 };
-                let colors: Vec<_> = numbers.iter().map(color).collect();
-                Colors::given(particles, default_radius, splats, &colors)?
+                given(&numbers.iter().map(color).collect::<Vec<_>>())?
             }
+            Values::Colors(colors) => given(&colors)?,
         })
     }
 
     fn missing(&self, particles: &Particles) -> Error {
-        let has: Vec<_> = Attribute::of(particles).into_iter().map(Attribute::name).collect();
+        let has = Attribute::of(particles);
+        let has: Vec<_> = has.iter().map(Attribute::name).collect();
         let has = if has.is_empty() { "none".into() } else { has.join(", ") };
         Error::Usage(format!(
             "the particles have no {} to color by; they have {has}",
@@ -262,15 +383,19 @@ impl ColorBy {
     }
 }
 
-/// The range of values in which pictures differ most: their 2nd to 98th percentile. `None` without finite values.
-pub fn usual_range(mut values: Vec<f32>) -> Option<[f32; 2]> {
-    values.retain(|value| value.is_finite());
-    let last = values.len().checked_sub(1)?;
-    let mut at = |share: f64| {
-        let place = (share * last as f64).round() as usize;
-        *values.select_nth_unstable_by(place, f32::total_cmp).1
-    };
-    Some([at(0.02), at(0.98)])
+/// The colours of values, as a legend shows them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColorScale {
+    /// Name of the attribute.
+    pub name: String,
+    /// Unit of the values; empty if it is not known.
+    pub unit: String,
+    /// The map.
+    pub map: MapName,
+    /// Values of its first and last colour.
+    pub range: [f32; 2],
+    /// Whether the range is the usual one of the sequence.
+    pub automatic: bool,
 }
 
 #[cfg(test)]
@@ -297,15 +422,22 @@ mod tests {
         assert!("rainbow".parse::<MapName>().unwrap_err().contains("viridis, plasma"));
     }
 
-    /// Outliers and what is no number do not stretch the range.
+    /// Names are those of attributes in any case, and others those of arrays; ranges rise.
     #[test]
-    fn ranges_leave_outliers_out() {
-        let mut values: Vec<f32> = (0..=1000u16).map(f32::from).collect();
-        values.extend([1e30, f32::NAN, -1e30]);
-        let [low, high] = usual_range(values).unwrap();
-        assert!((15.0..25.0).contains(&low) && (975.0..985.0).contains(&high), "{low} to {high}");
-        assert_eq!(usual_range(vec![f32::NAN]), None);
-        assert_eq!(usual_range(vec![7.0]), Some([7.0, 7.0]));
+    fn names_and_ranges_are_parsed() {
+        for (name, attribute) in [
+            ("Velocity", Attribute::Velocity),
+            ("Cd", Attribute::Color),
+            ("color", Attribute::Color),
+            ("Temperature", Attribute::Other("Temperature".into())),
+        ] {
+            assert_eq!(Attribute::from(name), attribute);
+        }
+        assert_eq!("-1.5:2e3".parse(), Ok(ColorRange::Of([-1.5, 2000.0])));
+        assert_eq!("auto".parse(), Ok(ColorRange::Auto));
+        for wrong in ["", "1", "2:1", "1:1", "nan:1", "0:inf", "a:b"] {
+            assert!(wrong.parse::<ColorRange>().unwrap_err().contains("LOW:HIGH"), "{wrong}");
+        }
     }
 
     /// A missing attribute is named with those that there are.
@@ -313,7 +445,7 @@ mod tests {
     fn missing_attributes_are_told() {
         let mut particles = Particles::from_positions(vec![Vec3::ZERO; 3]);
         particles.densities = Some(vec![1000.0; 3]);
-        let by = ColorBy { attribute: Attribute::Velocity, map: MapName::default(), range: None };
+        let by = ColorBy::new(Attribute::Velocity);
         let splats = Splats::default();
         let error = by.colors(&particles, 0.1, &splats, [0.0, 1.0]).unwrap_err().to_string();
         assert!(error.contains("no velocity") && error.ends_with("they have density"), "{error}");

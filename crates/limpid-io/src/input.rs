@@ -12,7 +12,7 @@ mod resolve;
 mod times;
 
 use limpid::liquid::particles::drawable;
-use limpid::look::{Body, Framing};
+use limpid::look::{Body, Framing, Look};
 
 use crate::adjustments::Adjustments;
 use crate::error::{Error, Result};
@@ -101,6 +101,7 @@ impl Input {
             if options.select.is_automatic() {
                 fluid.options.select = own.select;
             }
+            fluid.options.shown = options.shown.clone().or(own.shown);
         }
         self
     }
@@ -127,7 +128,8 @@ impl Input {
             self.loader.fps = Some(fps);
         }
         self.measured = adjustments.need_body();
-        if let Some(look) = adjustments.look {
+        let paint = adjustments.color_by.is_some() && self.project.is_none();
+        if let Some(look) = adjustments.look.or_else(|| paint.then_some(Look::Paint)) {
             let bare = self.project.is_none();
             let project = self.project.get_or_insert_default();
             let own = project.automatic.unwrap_or_else(|| Automatic {

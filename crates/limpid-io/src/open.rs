@@ -125,7 +125,7 @@ impl Request {
         }
         let camera_up = self.camera_up.or(axes.up).unwrap_or(files);
         project.check()?;
-        let loader = loader.processed_by(project.processor);
+        let loader = loader.processed_by(project.processor).colored_by(project.color_by.clone());
         Ok(Opened { loader, plain, project, camera_up })
     }
 }

@@ -32,7 +32,7 @@ use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
-use limpid::scene::{Scene, Shape};
+use limpid::scene::{Kind, Scene, Shape};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -123,7 +123,9 @@ impl Automatic {
         if self.light {
             scene.lights = look.lights;
         }
-        if self.absorption {
+        if look.liquid.kind == Kind::Opaque && self.absorption {
+            scene.liquid = look.liquid;
+        } else if self.absorption {
             scene.liquid.absorption = look.liquid.absorption;
         }
         if self.caustics {

@@ -40,7 +40,7 @@ fn common_options_are_on_every_command() {
     const DRAWING: [&str; 3] = ["render", "view", "scene"];
     const SEQUENCES: [&str; 4] = ["render", "view", "info", "convert"];
     const OTHERS: [&str; 3] = ["bake", "completions", "man"];
-    let options: [(&str, &[&str]); 16] = [
+    let options: [(&str, &[&str]); 17] = [
         ("--quiet", &[]),
         ("--help", &[]),
         ("--json", &["info", "compare", "check", "settings", "report"]),
@@ -54,6 +54,7 @@ fn common_options_are_on_every_command() {
         ("--scene", &DRAWING),
         ("--set", &DRAWING),
         ("--look", &DRAWING),
+        ("--color-by", &DRAWING),
         ("--scale", &DRAWING),
         ("--fps", &DRAWING),
         ("--preset", &["render", "view"]),

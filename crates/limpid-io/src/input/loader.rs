@@ -14,17 +14,30 @@ use limpid::scene::Scene;
 use super::Input;
 use super::fluid::{Fluid, FluidSource, Origin};
 use super::loaded::{Loaded, RadiusFrom, UpFrom};
-use crate::color_by::{ColorBy, Values, usual_range};
+use crate::color_by::{Attribute, ColorBy, ColorScale, Values};
 #[cfg(doc)]
 use crate::error::Error;
 use crate::error::Result;
 use crate::particles::Contents;
+use crate::particles::shown::is_named;
 use crate::project::{LiquidSource, Moved, ParticleSource, Project, SolidMotion};
 use crate::sequence::{FrameTime, Missing, Sequence};
 use crate::shared_classifier::{Processor, SharedClassifier};
+use crate::spread::Spread;
 
-/// Frames, at most, whose values decide the range of colours.
-const RANGED: usize = 16;
+/// Frames, at most, whose values decide the range of colours, and particles of each.
+const RANGED: usize = 64;
+const RANGED_PARTICLES: usize = 1 << 16;
+
+/// The values of an attribute in a sequence.
+#[derive(Debug, Clone)]
+struct Seen {
+    /// Their usual range.
+    range: [f32; 2],
+    /// The attribute's name, spelled as in the files.
+    name: String,
+    unit: String,
+}
 
 /// Reads the frames of an [`Input`], classifies their particles, and moves the solids of its scene.
 #[derive(Debug, Clone)]
@@ -41,8 +54,8 @@ pub struct Loader {
     processor: Processor,
     /// The attribute that colours the particles.
     color_by: Option<ColorBy>,
-    /// The range of its values in all frames, once it is known.
-    color_range: Arc<OnceLock<[f32; 2]>>,
+    /// Its values in all frames, once they are known.
+    seen: Arc<OnceLock<Seen>>,
     classifier: SharedClassifier,
     pub(super) fps: Option<f64>,
     // At least one.
@@ -66,7 +79,7 @@ impl Loader {
             with_velocities: false,
             processor: Processor::default(),
             color_by: None,
-            color_range: Arc::default(),
+            seen: Arc::default(),
             classifier: SharedClassifier::default(),
             fps: None,
             fluids,
@@ -80,8 +93,22 @@ impl Loader {
     pub(super) fn of_project(self, project: &Project) -> Self {
         let source = Some(&project.source);
         let made = source.filter(|of| of.recipe().is_some() || of.simulation().is_some());
-        let (processor, color_by) = (project.processor, project.color_by);
-        Self { processor, color_by, made: made.cloned(), ..self }
+        let loader = Self { processor: project.processor, made: made.cloned(), ..self };
+        loader.colored_by(project.color_by.clone())
+    }
+
+    /// Sets the attribute that colours the particles, which readers keep.
+    #[must_use]
+    pub fn colored_by(mut self, color_by: Option<ColorBy>) -> Self {
+        for fluid in &mut self.fluids {
+            fluid.options.shown = color_by.as_ref().and_then(|by| by.attribute.of_files());
+        }
+        Self { color_by, seen: Arc::default(), ..self }
+    }
+
+    /// The attribute that colours the particles.
+    pub fn color_by(&self) -> Option<&ColorBy> {
+        self.color_by.as_ref()
     }
 
     /// Frames per second of the simulation, if the scene or a list of the files has them.
@@ -164,10 +191,11 @@ impl Loader {
         let Contents { mut particles, arrays, cells, mut remarks, .. } = self.contents(at)?;
         let bulk = self.bulk(&particles);
         // Attributes that nothing reads would take as much memory as the tables of classification.
-        if self.color_by.is_none() {
-            (particles.ids, particles.densities) = (None, None);
-            particles.velocities.take_if(|_| !self.with_velocities);
-        }
+        let shows = |of| self.color_by.as_ref().is_some_and(|by| by.attribute == of);
+        particles.ids.take_if(|_| !shows(Attribute::Id));
+        particles.densities.take_if(|_| !shows(Attribute::Density));
+        let moves = self.with_velocities || shows(Attribute::Velocity);
+        particles.velocities.take_if(|_| !moves);
         let prepared = self.finish_prepare(at, &particles, bulk, scene).await?;
         remarks.extend_from_slice(&prepared.remarks);
         Ok(Loaded { arrays, cells, remarks, ..prepared })
@@ -209,10 +237,10 @@ impl Loader {
             true => classify::add_closed_wall_contacts(&mut splats, &solids, settings.wetting),
             false => classify::add_wall_contacts(&mut splats, &solids, settings.wetting),
         }
-        if let Some(by) = self.color_by.filter(|_| scene.is_opaque()) {
+        if let Some(by) = self.color_by.as_ref().filter(|_| scene.is_opaque()) {
             let range = match by.range {
-                Some(range) => range,
-                None => self.color_range(&by)?,
+                None if by.attribute.is_mapped() => self.seen(by)?.range,
+                range => range.unwrap_or_default(),
             };
             splats.colors = Some(by.colors(particles, radius, &splats, range)?);
         }
@@ -236,21 +264,64 @@ impl Loader {
         })
     }
 
-    /// The usual range of the values that colour the particles, the same for all frames: of at most [`RANGED`] of them,
-    /// spread evenly.
-    fn color_range(&self, by: &ColorBy) -> Result<[f32; 2]> {
-        if let Some(&known) = self.color_range.get() {
-            return Ok(known);
+    /// The colours of values, for a legend; `None` if none are shown by a map. The usual range of an attribute is the 2nd to
+    /// 98th percentile of at most 65536 particles of each of at most 64 frames, both evenly spread, so that it is the same
+    /// for all frames.
+    ///
+    /// # Errors
+    /// As [`Loader::particles`]; [`Error::Usage`] if the files lack the attribute. Frames that cannot be read are left
+    /// out if others can.
+    pub fn color_scale(&self) -> Result<Option<ColorScale>> {
+        let Some(by) = self.color_by.as_ref().filter(|by| by.attribute.is_mapped()) else {
+            return Ok(None);
+        };
+        let Seen { range: usual, name, unit } = self.seen(by)?;
+        let range = by.range.unwrap_or(usual);
+        Ok(Some(ColorScale { name, unit, map: by.map, range, automatic: by.range.is_none() }))
+    }
+
+    /// The values that colour the particles, as the files show them.
+    fn seen(&self, by: &ColorBy) -> Result<Seen> {
+        if let Some(known) = self.seen.get() {
+            return Ok(known.clone());
         }
         let frames = &self.sequence.frames;
-        let step = frames.len().div_ceil(RANGED).max(1);
-        let mut all = Vec::new();
-        for frame in frames.iter().step_by(step) {
-            if let Some(Values::Scalars(values)) = by.attribute.values(&self.particles(frame)?) {
-                all.extend(values);
+        // With a given range, one frame tells the unit.
+        let most = if by.range.is_some() { 1 } else { RANGED };
+        let count = frames.len().min(most);
+        let last = frames.len().saturating_sub(1);
+        let (mut all, mut problem) = (Vec::new(), None);
+        let (mut name, mut unit) = (by.attribute.to_string(), by.attribute.unit().to_owned());
+        for k in 0..count {
+            // The first, the last, and some between.
+            let frame = &frames[(k * last).checked_div(count - 1).unwrap_or(0)];
+            let Contents { particles, arrays, .. } = match self.contents(frame) {
+                Err(error) if error.is_of_reading() => {
+                    problem.get_or_insert(error);
+                    continue;
+                }
+                contents => contents?,
+            };
+            let wanted = by.attribute.name();
+            if let Some(array) = arrays.iter().find(|array| is_named(&array.name, wanted)) {
+                let (spelled, of_file) = array.name_and_unit();
+                spelled.clone_into(&mut name);
+                // Some are known whatever the file says.
+                if by.attribute.unit().is_empty() {
+                    of_file.clone_into(&mut unit);
+                }
+            }
+            if let Some(Values::Scalars(values)) = by.attribute.values(&particles) {
+                let step = values.len().div_ceil(RANGED_PARTICLES).max(1);
+                all.extend(values.into_iter().step_by(step));
             }
         }
-        Ok(*self.color_range.get_or_init(|| usual_range(all).unwrap_or([0.0, 1.0])))
+        let usual = Spread::of(all).map(|spread| spread.usual);
+        if let (None, Some(problem)) = (usual, problem) {
+            return Err(problem);
+        }
+        let range = usual.unwrap_or([0.0, 1.0]);
+        Ok(self.seen.get_or_init(|| Seen { range, name, unit }).clone())
     }
 
     /// Where the solids of `scene` are at a frame time, if its file moves any: this project's, with whatever

@@ -271,7 +271,7 @@ pub(crate) fn is_named(array: &str, name: &str) -> bool {
 }
 
 /// The unit in the name of an array, as in `Pressure [Pa]`.
-pub(crate) fn unit_of(array: &str) -> Option<&str> {
+pub(super) fn unit_of(array: &str) -> Option<&str> {
     let (_, unit) = array.split_once(" [").or_else(|| array.split_once(" ("))?;
     unit.strip_suffix([']', ')']).map(str::trim).filter(|unit| !unit.is_empty())
 }

@@ -4,6 +4,7 @@ use glam::Vec3;
 use serde::Deserialize as _;
 
 use super::Project;
+use super::sections::LiquidFile;
 use crate::error::{Error, Result, toml_error};
 use crate::shared_classifier::Processor;
 use limpid::settings::{Preset, Settings};
@@ -14,6 +15,7 @@ impl Project {
     /// - `pass.name=value`, one of the [`Settings`];
     /// - `preset=NAME`, all settings but those of caustics and tone mapping;
     /// - `liquid.ior=1.4`, `liquid.absorption=[1, 0.3, 0.1]`;
+    /// - `liquid.kind=opaque`, `liquid.color=[0.5, 0.1, 0]`, `liquid.color_by=density` and the other keys of `[liquid]`;
     /// - `fluid.2.absorption=[0, 0, 5]`, one of several fluids, counted from 1;
     /// - `classify.on=auto`, `cpu` or `gpu`: [`Processor`].
     ///
@@ -40,6 +42,11 @@ impl Project {
             ["liquid", "absorption"] => {
                 scene.liquid.absorption = vector(number(given)?).map_err(|e| message(&e))?;
             }
+            ["liquid", key] if LIQUID.contains(&key) => {
+                let by = self.color_by.as_ref();
+                (scene.liquid, self.color_by) =
+                    LiquidFile::replaced(&scene.liquid, by, key, value(given))?;
+            }
             ["fluid", number_from_1, "absorption"] => {
                 let index = number_from_1.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
                 let count = scene.fluids.len();
@@ -48,7 +55,10 @@ impl Project {
                 *fluid.ok_or_else(problem)? = vector(number(given)?).map_err(|e| message(&e))?;
             }
             ["liquid" | "fluid", ..] => {
-                return Err("expected liquid.ior, liquid.absorption or fluid.N.absorption".into());
+                let keys = LIQUID.map(|key| format!("liquid.{key}")).join(", ");
+                return Err(format!(
+                    "expected liquid.ior, liquid.absorption, {keys} or fluid.N.absorption"
+                ));
             }
             _ => scene.settings = with_one(&scene.settings, text)?,
         }
@@ -76,6 +86,9 @@ pub fn replaced(settings: &Settings, overrides: &[String]) -> Result<Settings> {
 pub fn preset(name: &str) -> Result<Preset> {
     toml::Value::from(name).try_into().map_err(|e| Error::Usage(problem_of(&e)))
 }
+
+/// Keys of `[liquid]` beside those of every kind.
+const LIQUID: [&str; 6] = ["kind", "color", "roughness", "color_by", "colormap", "color_range"];
 
 /// The form of an override of a setting.
 const EXPECTED: &str = "expected pass.name=value, as refract.samples=4";

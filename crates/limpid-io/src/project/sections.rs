@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ParticleSource;
 use super::solids::{Given, unit};
-use crate::color_by::{Attribute, ColorBy, MapName};
+use crate::color_by::{Attribute, ColorBy, ColorRange, MapName};
 use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Selection};
 use limpid::environment::{Environment, Glow, MAX_RADIANCE};
@@ -143,12 +143,32 @@ impl LiquidFile {
                 kind: Some(KindFile::Opaque),
                 color: Some(liquid.color).filter(|_| by.is_none()),
                 roughness: Some(liquid.roughness),
-                color_by: by.map(|by| by.attribute),
-                colormap: by.map(|by| by.map),
+                color_by: by.map(|by| by.attribute.clone()),
+                colormap: by.filter(|by| by.attribute.is_mapped()).map(|by| by.map),
                 color_range: by.and_then(|by| by.range),
                 ..Self::default()
             },
         }
+    }
+
+    /// A liquid and its colours with one key replaced. Keys that do not go with it are dropped.
+    pub(super) fn replaced(
+        liquid: &Liquid,
+        by: Option<&ColorBy>,
+        key: &str,
+        value: toml::Value,
+    ) -> Result<(Liquid, Option<ColorBy>), String> {
+        let mut table = toml::Table::try_from(Self::of(liquid, by)).map_err(|e| e.to_string())?;
+        match key {
+            "kind" => table.retain(|key, _| key == "ior"),
+            "color_by" => table.retain(|key, _| ["kind", "ior", "roughness"].contains(&key)),
+            "color" => table.retain(|key, _| ["kind", "ior", "roughness"].contains(&key)),
+            _ => {}
+        }
+        table.insert(key.to_owned(), value);
+        let new: Self = table.try_into().map_err(|e: toml::de::Error| e.message().to_owned())?;
+        let by = new.color_by()?;
+        Ok((new.validated()?, by))
     }
 
     /// Data are shown by opaque bodies, unless it says otherwise.
@@ -161,7 +181,7 @@ impl LiquidFile {
 
     /// The attribute that colours the particles.
     pub(super) fn color_by(&self) -> Result<Option<ColorBy>, String> {
-        let Some(attribute) = self.color_by else {
+        let Some(attribute) = self.color_by.clone() else {
             return match (self.colormap, self.color_range) {
                 (None, None) => Ok(None),
                 _ => Err("colormap and color_range need color_by".into()),
@@ -173,9 +193,10 @@ impl LiquidFile {
         if self.color.is_some() {
             return Err("takes one of color and color_by".into());
         }
-        let rises =
-            |range: [f32; 2]| range[0].is_finite() && range[1].is_finite() && range[0] < range[1];
-        if self.color_range.is_some_and(|range| !rises(range)) {
+        if !attribute.is_mapped() && (self.colormap.is_some() || self.color_range.is_some()) {
+            return Err(format!("{attribute} has no colormap and no color_range: leave them out"));
+        }
+        if self.color_range.is_some_and(|range| !ColorRange::rises(range)) {
             return Err("color_range must be two numbers, the smaller one first".into());
         }
         Ok(Some(ColorBy {

@@ -68,6 +68,9 @@ pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
             "floor" => adjusted.floor = Some(parsed(name, value)?),
             "ior" => adjusted.ior = Some(parsed(name, value)?),
             "tint" => adjusted.tint = Some(parsed(name, value)?),
+            "color-by" => adjusted.color_by = Some(value.into()),
+            "colormap" => adjusted.colormap = Some(parsed(name, value)?),
+            "range" => adjusted.color_range = Some(parsed(name, value)?),
             "up" => {
                 adjusted.up = Some(match value {
                     "y" => Up::Y,

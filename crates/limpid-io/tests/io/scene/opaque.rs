@@ -4,9 +4,12 @@ use std::path::Path;
 
 use glam::Vec3;
 use limpid::liquid::Particles;
+use limpid::look::Look;
 use limpid::scene::Kind;
-use limpid_io::color_by::{Attribute, MapName};
+use limpid_io::adjustments::Adjustments;
+use limpid_io::color_by::{Attribute, ColorRange, MapName};
 use limpid_io::input::Input;
+use limpid_io::open::Request;
 use limpid_io::particles;
 use limpid_io::project::Project;
 
@@ -22,11 +25,11 @@ fn opaque_bodies_are_read_and_written() {
         scene("kind = \"opaque\"\ncolor = [0.5, 0.1, 0.0]\nior = 1.5\nroughness = 0.3").unwrap();
     let liquid = painted.scene.liquid;
     assert_eq!((liquid.kind, liquid.ior, liquid.roughness), (Kind::Opaque, 1.5, 0.3));
-    assert_eq!((liquid.color, painted.color_by), (Vec3::new(0.5, 0.1, 0.0), None));
+    assert_eq!((liquid.color, &painted.color_by), (Vec3::new(0.5, 0.1, 0.0), &None));
     // Data are shown by opaque bodies without a coat.
     let colored =
         scene("color_by = \"velocity\"\ncolormap = \"turbo\"\ncolor_range = [1.0, 2.5]").unwrap();
-    let by = colored.color_by.unwrap();
+    let by = colored.color_by.clone().unwrap();
     assert_eq!((colored.scene.liquid.kind, colored.scene.liquid.ior), (Kind::Opaque, 1.0));
     assert_eq!(
         (by.attribute, by.map, by.range),
@@ -51,7 +54,8 @@ fn contradictions_are_told() {
         ("color_by = \"density\"\ncolor_range = [2.0, 1.0]", "the smaller one first"),
         ("kind = \"opaque\"\nior = 0.8", "1 is no coat"),
         ("kind = \"opaque\"\ncolor = [2.0, 0.0, 0.0]", "color must be between 0 and 1"),
-        ("color_by = \"temperature\"", "velocity"),
+        ("color_by = \"id\"\ncolormap = \"turbo\"", "id has no colormap"),
+        ("color_by = \"density\"\ncolormap = \"jet\"", "viridis"),
         ("kind = \"milk\"", "opaque"),
     ] {
         let error = scene(liquid).expect_err(liquid).to_string();
@@ -76,12 +80,96 @@ fn frames_share_a_range() {
             "[particles]\nsource = \"w_{{}}.npz\"\nradius = 0.1\n[liquid]\ncolor_by = \"{by}\"\n"
         );
         std::fs::write(&path, text).unwrap();
-        let (loader, project) = Input::open(path.to_str().unwrap()).unwrap().resolve().unwrap();
+        let (loader, project) = Input::open(path.to_str().unwrap()).unwrap().resolve()?;
         loader.load(&loader.sequence.frames[0], &project.scene)
     };
     let colors = write("velocity").unwrap().splats.colors.unwrap();
     let [low, high] = colors.map().unwrap().range;
     assert!((0.0..0.1).contains(&low) && (2.5..3.0).contains(&high), "{low} to {high}");
     let error = write("density").expect_err("the frames have no density").to_string();
-    assert!(error.contains("no density") && error.contains("velocity"), "{error}");
+    assert!(error.contains("no `density`") && error.contains("velocity"), "{error}");
+}
+
+/// A sequence has one range, that of all its frames, or the given one; files of any other attribute have theirs, with the
+/// unit in its name. Several fluids and times between frames keep the values beside the particles.
+#[test]
+fn sequences_and_fluids_are_colored() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, base: f32| {
+        let rows = (0..200).map(|i| format!("{},0,0,{}\n", 0.2 * i as f32, base + i as f32));
+        let text = format!("x,y,z,Heat [K]\n{}", rows.collect::<String>());
+        std::fs::write(folder.path().join(name), text).unwrap();
+    };
+    (1..=3u8).for_each(|i| write(&format!("w_{i}.csv"), 100.0 * f32::from(i)));
+    let open = |color_range| {
+        let adjustments = Adjustments {
+            color_by: Some("heat".into()),
+            colormap: Some(MapName::Turbo),
+            color_range,
+            ..Adjustments::default()
+        };
+        let input = Some(folder.path().join("w_{}.csv"));
+        Request { input, radius: Some(0.1), adjustments, ..Request::default() }.open().unwrap()
+    };
+    let opened = open(None);
+    let scene = &opened.project.scene;
+    assert_eq!(scene.liquid, Look::paint());
+    let scale = opened.loader.color_scale().unwrap().unwrap();
+    assert_eq!((scale.name.as_str(), scale.unit.as_str()), ("Heat", "K"));
+    assert!(scale.automatic && scale.range[0] < 110.0 && scale.range[1] > 485.0, "{scale:?}");
+    for frame in &opened.loader.sequence.frames {
+        let colors = opened.loader.load(frame, scene).unwrap().splats.colors.unwrap();
+        assert_eq!(colors.map().unwrap().range, scale.range);
+    }
+    let half = opened.loader.frame_time(&[1, 2, 3], 1.5).unwrap();
+    let between = opened.loader.particles(half).unwrap();
+    for (value, position) in between.values.unwrap().iter().zip(&between.positions) {
+        assert!((value - (150.0 + position.x / 0.2)).abs() < 1e-2, "{value} at {position}");
+    }
+    let given = open(Some(ColorRange::Of([0.0, 10.0]))).loader.color_scale().unwrap().unwrap();
+    assert_eq!((given.range, given.automatic), ([0.0, 10.0], false));
+
+    // Two fluids.
+    let scene = "[[fluid]]\nsource = \"w_1.csv\"\nselect = \"heat>150\"\n[[fluid]]\nsource = \"w_3.csv\"\n\
+                 [liquid]\ncolor_by = \"heat\"\n";
+    let path = folder.path().join("two.toml");
+    std::fs::write(&path, scene).unwrap();
+    let (loader, _) = Input::open(&path).unwrap().resolve().unwrap();
+    let particles = loader.particles(&loader.sequence.frames[0]).unwrap();
+    assert_eq!(particles.len(), 149 + 200);
+    let fluids = particles.fluids.unwrap();
+    for (i, value) in particles.values.unwrap().iter().enumerate() {
+        let base = [100.0, 300.0][usize::from(fluids[i])];
+        let expected = base + particles.positions[i].x / 0.2;
+        assert!((value - expected).abs() < 1e-2, "{value}, not {expected}");
+    }
+}
+
+/// Keys of `[liquid]` are replaced by name; those that no longer fit are dropped.
+#[test]
+fn keys_are_replaced() {
+    let set = |overrides: &[&str]| {
+        let mut project = scene("ior = 1.4\nabsorption = [1, 2, 3]").unwrap();
+        project.set(&overrides.iter().map(|&text| text.to_owned()).collect::<Vec<_>>())?;
+        limpid_io::Result::Ok(project)
+    };
+    let heat =
+        set(&["liquid.color_by=heat", "liquid.color_range=[20, 80]", "liquid.colormap=magma"]);
+    let heat = heat.unwrap();
+    let by = heat.color_by.unwrap();
+    assert_eq!((by.attribute, by.map), (Attribute::Other("heat".into()), MapName::Magma));
+    assert_eq!((by.range, heat.scene.liquid.kind), (Some([20.0, 80.0]), Kind::Opaque));
+    let red = set(&["liquid.color_by=heat", "liquid.color=[1, 0, 0]", "liquid.roughness=0.4"]);
+    let red = red.unwrap();
+    assert_eq!((red.color_by, red.scene.liquid.color), (None, Vec3::X));
+    assert_eq!((red.scene.liquid.roughness, red.scene.liquid.ior), (0.4, 1.4));
+    for (text, told) in [
+        ("liquid.kind=milk", "opaque"),
+        ("liquid.roughness=0.4", "kind = \"opaque\""),
+        ("liquid.colormap=turbo", "need color_by"),
+        ("liquid.shine=1", "liquid.color_by"),
+    ] {
+        let error = set(&[text]).expect_err(text).to_string();
+        assert!(error.contains(text) && error.contains(told), "{error}");
+    }
 }
