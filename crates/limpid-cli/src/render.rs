@@ -72,7 +72,8 @@ fn draw(plan: Plan, pick: Option<Pick>) -> anyhow::Result<u8> {
     let mut console = Console::new(bar.clone());
     plan.notices.iter().for_each(|notice| console.notice(notice));
     if drawing.is_linear && overlay != Overlay::default() {
-        console.line("--scale-bar and --axes are not drawn in an .exr, which holds light");
+        console
+            .line("--legend, --scale-bar and --axes are not drawn in an .exr, which holds light");
     }
     let pictures = output.pictures().cloned();
     let mut log = Log { manifest, pictures, bar, keep_going: plan.keep_going, failed: Vec::new() };

@@ -7,6 +7,7 @@ use std::fmt;
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::color_by::ColorScale;
 use crate::frames::FrameSpec;
 use crate::input::{Loaded, Loader, Missing, RadiusFrom};
 use crate::particles::Remark;
@@ -69,6 +70,8 @@ pub enum Notice {
     },
     /// Number of particles outside the picture or behind the camera, and number of all particles.
     Outside(usize, usize),
+    /// Colours show values over a range that the particles decide.
+    Colors(ColorScale),
     /// Lights without caustics, by their numbers from 0:
     /// [`limpid::renderer::Renderer::lights_without_caustics`].
     Straight(Vec<usize>),
@@ -172,6 +175,15 @@ impl fmt::Display for Notice {
                 "{:.0} % of the particles are out of the picture",
                 (100.0 * *outside as f64 / *particles as f64).floor()
             ),
+            Self::Colors(ColorScale { name, unit, range, .. }) => {
+                let [low, high] = range.map(brief);
+                let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+                write!(
+                    f,
+                    "colors show {name} from {low} to {high}{unit} in every frame: the 2nd to 98th percentile of the \
+                     sequence"
+                )
+            }
             Self::Straight(lights) => {
                 let numbers: Vec<String> = lights.iter().map(|light| (light + 1).to_string()).collect();
                 write!(

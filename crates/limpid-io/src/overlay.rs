@@ -1,5 +1,8 @@
-//! What is drawn over finished pictures on request: a scale bar, the axes, names. It is drawn on the host, in sRGB, with
-//! letters of 8×8 dots that are as large as the picture needs.
+//! What is drawn over finished pictures on request: a legend, a scale bar, the axes, names. It is drawn on the host, in
+//! sRGB; but for the legend, with letters of 8×8 dots that are as large as the picture needs.
+
+mod legend;
+mod text;
 
 use font8x8::{BASIC_FONTS, GREEK_FONTS, LATIN_FONTS, UnicodeFonts as _};
 use glam::{DVec2, DVec3, UVec2};
@@ -7,13 +10,17 @@ use image::{DynamicImage, GenericImage as _, GenericImageView as _, Rgba};
 use limpid::camera::View;
 use limpid::liquid::Up;
 
+use crate::color_by::ColorScale;
+
 /// What to draw over the pictures of a run.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Overlay {
     /// The place of whose depth a scale bar shows the scale, m.
     pub scale_bar: Option<DVec3>,
     /// The axis of the files that points up, if their axes are drawn.
     pub axes: Option<Up>,
+    /// The colours that stand for values, if they get a legend.
+    pub legend: Option<ColorScale>,
 }
 
 /// Pixels of one dot of a letter, in a picture of this size.
@@ -41,6 +48,9 @@ impl Overlay {
                 Up::Z => [DVec3::X, DVec3::NEG_Z, DVec3::Y],
             };
             axes(picture, [x, y, z].map(|axis| view.view_from_world * axis));
+        }
+        if let Some(scale) = &self.legend {
+            legend::draw(picture, scale);
         }
     }
 }
@@ -208,12 +218,19 @@ impl Ink {
                 }
             }
         }
-        for (i, (&cover, &rim)) in self.cover.iter().zip(&rim).enumerate() {
-            if rim > 0.0 || cover > 0.0 {
-                let (x, y) = ((i % wide) as u32, (i / wide) as u32);
-                let rimmed = over(picture.get_pixel(x, y), [0; 3], rim);
-                picture.put_pixel(x, y, over(rimmed, color, cover));
-            }
+        for (i, &rim) in rim.iter().enumerate().filter(|(_, rim)| **rim > 0.0) {
+            let (x, y) = ((i % wide) as u32, (i / wide) as u32);
+            picture.put_pixel(x, y, over(picture.get_pixel(x, y), [0; 3], rim));
+        }
+        self.stain(picture, color);
+    }
+
+    /// Draws it in a colour.
+    fn stain(&self, picture: &mut DynamicImage, color: [u8; 3]) {
+        let wide = self.size.x as usize;
+        for (i, &cover) in self.cover.iter().enumerate().filter(|(_, cover)| **cover > 0.0) {
+            let (x, y) = ((i % wide) as u32, (i / wide) as u32);
+            picture.put_pixel(x, y, over(picture.get_pixel(x, y), color, cover));
         }
     }
 }
@@ -294,7 +311,7 @@ mod tests {
         ] {
             let view = View::from(&camera);
             let mut picture = grey(size);
-            Overlay { scale_bar: Some(place), axes: None }.draw(&mut picture, &view);
+            Overlay { scale_bar: Some(place), ..Overlay::default() }.draw(&mut picture, &view);
             let columns = bar(&picture, WHITE);
             let wide = f64::from(columns[columns.len() - 1] - columns[0] + 1);
             let pixel = view.pixel_side(size, (place - view.eye).dot(view.ahead()));
@@ -317,7 +334,7 @@ mod tests {
         let view = View::from(&camera);
         let drawn = |up, size: UVec2| {
             let mut picture = grey(size);
-            Overlay { scale_bar: None, axes: Some(up) }.draw(&mut picture, &view);
+            Overlay { axes: Some(up), ..Overlay::default() }.draw(&mut picture, &view);
             picture
         };
         let size = UVec2::new(400, 300);

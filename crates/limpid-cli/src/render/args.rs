@@ -130,6 +130,9 @@ pub(crate) struct Args {
     /// Draw several inputs beside each other, with one camera, one scale and one clock, and their names below.
     #[arg(long, conflicts_with_all = ["merge", "shard", "claim", "skip_existing", "keep_going", "manifest", "aov", "max_error", "budget", "calibrate", "stats"])]
     pub(super) beside: bool,
+    /// Draw a legend of the colors of --color-by over the picture: a bar with its values, their name and unit.
+    #[arg(long)]
+    pub(super) legend: bool,
     /// Draw a bar of a round length, which holds at the depth of the liquid's middle, over the picture.
     #[arg(long)]
     pub(super) scale_bar: bool,

@@ -38,7 +38,7 @@ pub(super) struct Plan {
     pub(super) notices: Vec<Notice>,
     /// The axis that points up where the camera was given.
     pub(super) camera_up: Up,
-    /// Scale bar and axes of the pictures.
+    /// Legend, scale bar and axes of the pictures.
     pub(super) overlay: Overlay,
     pub(super) drawing: Drawing,
     /// Limits that the settings are picked by, if they are.
@@ -106,7 +106,7 @@ impl Plan {
             None => opened.camera_up,
         };
         loader.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
-        let overlay = overlay(args, &loader);
+        let overlay = overlay(args, &loader)?;
         let (times, numbers, fps) = frame_times(args, frames, &loader)?;
         if !args.keep_going {
             loader.check_files(&times)?;
@@ -114,6 +114,7 @@ impl Plan {
         let shots = shots(args, camera, loader.up().0, &numbers, fps)?;
         let mut notices = notices(args, frames, &loader, numbers.len());
         notices.extend(incomplete.into_iter().map(Notice::Incomplete));
+        notices.extend(loader.color_scale()?.filter(|scale| scale.automatic).map(Notice::Colors));
         let destination = Destination::new(args, path.as_slice(), &shots)?;
         let stride = loader.sequence.stride() as f64;
         let rate = stride * loader.fps().unwrap_or(fps);
@@ -194,10 +195,19 @@ pub(super) fn request(args: &Args, input: Option<PathBuf>, framing: Framing) -> 
     }
 }
 
-/// Scale bar and axes of the pictures of an input.
-pub(super) fn overlay(args: &Args, loader: &Loader) -> Overlay {
+/// Legend, scale bar and axes of the pictures of an input.
+pub(super) fn overlay(args: &Args, loader: &Loader) -> limpid_io::Result<Overlay> {
     let middle = loader.body().map(|body| 0.5 * (body.bounds.0 + body.bounds.1));
-    Overlay { scale_bar: middle.filter(|_| args.scale_bar), axes: args.axes.then(|| loader.up().0) }
+    let legend = if args.legend { loader.color_scale()? } else { None };
+    if args.legend && legend.is_none() {
+        let problem = match loader.color_by() {
+            Some(by) => format!("{} has no scale of values", by.attribute),
+            None => "no values are shown in colors; name an attribute with --color-by".to_owned(),
+        };
+        return Err(Error::Usage(format!("--legend: {problem}")));
+    }
+    let scale_bar = middle.filter(|_| args.scale_bar);
+    Ok(Overlay { scale_bar, axes: args.axes.then(|| loader.up().0), legend })
 }
 
 /// The frames of an input, of which `asked` are asked for.

@@ -6,9 +6,11 @@ use glam::UVec2;
 use limpid::liquid::Up;
 use limpid::look::{Body, Framing};
 use limpid_io::Error;
+use limpid_io::color_by::{ColorBy, ColorScale};
 use limpid_io::film::{self, Shot};
 use limpid_io::frames::check_fps;
 use limpid_io::input::{FrameTime, Loader};
+use limpid_io::notice::Notice;
 use limpid_io::open::Opened;
 use limpid_io::overlay::Overlay;
 
@@ -29,6 +31,8 @@ pub(super) struct Plan {
     /// The axis that points up where the camera was given.
     pub(super) camera_up: Up,
     pub(super) destination: Destination,
+    /// The range of their colours, if it is not given.
+    pub(super) colors: Option<Notice>,
 }
 
 /// One of the inputs.
@@ -62,7 +66,8 @@ impl Plan {
             return Err(Error::Usage(problem));
         }
         let sizes = Sizes::new(args.size, sources.len(), args.alpha)?;
-        let opened = open(args, sources, sizes.picture)?;
+        let mut opened = open(args, sources, sizes.picture)?;
+        let colors = share_range(&mut opened)?;
         let camera = opened[0].project.camera_for(Default::default());
         let (camera_up, files) = (opened[0].camera_up, opened[0].loader.up().0);
         let loaders: Vec<&Loader> = opened.iter().map(|opened| &opened.loader).collect();
@@ -77,11 +82,34 @@ impl Plan {
             return Err(Error::Usage(problem.into()));
         }
         let inputs = sources.iter().zip(opened).zip(times).map(|((source, opened), times)| {
-            let overlay = plan::overlay(args, &opened.loader);
-            Planned { source: source.clone(), opened, times, overlay }
+            let overlay = plan::overlay(args, &opened.loader)?;
+            Ok(Planned { source: source.clone(), opened, times, overlay })
         });
-        Ok(Self { inputs: inputs.collect(), sizes, shots, fps, camera_up, destination })
+        let inputs = inputs.collect::<limpid_io::Result<_>>()?;
+        Ok(Self { inputs, colors, sizes, shots, fps, camera_up, destination })
     }
+}
+
+/// Gives the inputs one range of colours, which covers the usual ones of all; returns it, if it is not given.
+fn share_range(opened: &mut [Opened]) -> limpid_io::Result<Option<Notice>> {
+    let mut shared: Option<ColorScale> = None;
+    for opened in opened.iter() {
+        let Some(scale) = opened.loader.color_scale()?.filter(|scale| scale.automatic) else {
+            continue;
+        };
+        let [low, high] = shared.as_ref().map_or(scale.range, |shared| shared.range);
+        let range = [low.min(scale.range[0]), high.max(scale.range[1])];
+        shared = Some(ColorScale { range, ..scale });
+    }
+    let range = shared.as_ref().map(|shared| shared.range);
+    for opened in opened {
+        let by = opened.loader.color_by().cloned().filter(|by| by.range.is_none());
+        if let (Some(by), Some(_)) = (by, range) {
+            let loader = opened.loader.clone();
+            opened.loader = loader.colored_by(Some(ColorBy { range, ..by }));
+        }
+    }
+    Ok(shared.map(Notice::Colors))
 }
 
 /// Adds the input to an error that does not name it.
