@@ -1,8 +1,12 @@
 //! The command `limpid info`.
+use limpid::liquid::Particles;
 use limpid_io::Error;
+use limpid_io::color_by;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::Input;
+use limpid_io::notice::brief;
 use limpid_io::particles::{Array, Attribute, Contents, ReadOptions, attribute_names};
+use limpid_io::spread::Spread;
 use serde::Serialize;
 
 use crate::remedy::of_remark;
@@ -57,6 +61,8 @@ struct FrameInfo {
     attributes: Vec<&'static str>,
     /// Arrays of the file other than the positions.
     arrays: Vec<ArrayInfo>,
+    /// The values of what particles can be colored by.
+    ranges: Vec<RangeInfo>,
     /// Remarks on the file.
     remarks: Vec<String>,
     /// m; estimated from the spacing unless given; `None` for a single particle.
@@ -75,6 +81,18 @@ struct ArrayInfo {
     /// Name and shape, as text.
     #[serde(skip)]
     label: String,
+}
+
+/// The values of an attribute, or of an array that is none: of vectors, their lengths.
+#[derive(Serialize)]
+struct RangeInfo {
+    name: String,
+    unit: String,
+    min: f32,
+    max: f32,
+    /// The 2nd and the 98th percentile.
+    low: f32,
+    high: f32,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
@@ -130,6 +148,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
             bulk_max: bulk.bounds.1.to_array().map(shortest),
             outside: bulk.outside,
             attributes: attribute_names(&particles).collect(),
+            ranges: ranges(&particles, &arrays),
             arrays: arrays.into_iter().map(array_info).collect(),
             remarks: remarks.iter().map(of_remark).collect(),
             radius,
@@ -146,6 +165,39 @@ impl ArrayInfo {
         match self.used_as {
             Some(attribute) if attribute != self.name => format!("{} as {attribute}", self.label),
             _ => self.label.clone(),
+        }
+    }
+}
+
+/// The ranges of the attributes of particles, and of the other arrays of their file.
+fn ranges(particles: &Particles, arrays: &[Array]) -> Vec<RangeInfo> {
+    let info = |name: &str, unit: &str, spread: Spread| {
+        let Spread { extremes: [min, max], usual: [low, high] } = spread;
+        RangeInfo { name: name.to_owned(), unit: unit.to_owned(), min, max, low, high }
+    };
+    let own = color_by::Attribute::of(particles).into_iter().filter_map(|attribute| {
+        let values = attribute.values(particles)?.scalars()?;
+        Some(info(attribute.name(), attribute.unit(), Spread::of(values)?))
+    });
+    let others = arrays.iter().filter(|array| array.used_as.is_none() && array.values.is_empty());
+    let others = others.filter_map(|array| {
+        let (name, unit) = array.name_and_unit();
+        Some(info(name, unit, array.spread?))
+    });
+    own.chain(others).collect()
+}
+
+impl RangeInfo {
+    /// Describes the values: `density: 998 to 1004 kg/m³ (96 % from 999.1 to 1002.7)`.
+    fn description(&self) -> String {
+        let Self { name, unit, min, max, low, high } = self;
+        let [min, max, low, high] = [min, max, low, high].map(|&x| brief(x));
+        let space = if unit.is_empty() { "" } else { " " };
+        match min == max {
+            true => format!("{name}: {min}{space}{unit}"),
+            // Of several files together.
+            false if [low, high] == [min, max] => format!("{name}: {min} to {max}{space}{unit}"),
+            false => format!("{name}: {min} to {max}{space}{unit} (96 % from {low} to {high})"),
         }
     }
 }
@@ -233,6 +285,7 @@ fn describe(info: &Info) -> String {
             let values: Vec<String> = array.values.iter().map(i64::to_string).collect();
             lines.push(format!("  {}: {}", array.label, values.join(", ")));
         }
+        lines.extend(frame.ranges.iter().map(|range| format!("  {}", range.description())));
         lines.extend(frame.remarks.iter().map(|remark| format!("  {remark}")));
         lines.push(format!("  {}", extent(frame.min, frame.max)));
         if frame.outside > 0 {

@@ -5,6 +5,7 @@
 mod aov;
 mod beside;
 mod check;
+mod colors;
 mod compare;
 mod convert;
 mod coverage;
