@@ -331,8 +331,10 @@ impl Fluid {
             return Ok(own);
         };
         let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
+        // What this file has to be coloured by, they need not have.
+        let options = ReadOptions { shown: None, ..self.reading().0.into_owned() };
         for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
-            let first = match Contents::read(&sibling.path, &self.reading().0) {
+            let first = match Contents::read(&sibling.path, &options) {
                 Ok(contents) => {
                     let mut particles = contents.particles;
                     particles.scale(self.scale);

@@ -116,7 +116,8 @@ fn sequences_and_fluids_are_colored() {
     assert_eq!(scene.liquid, Look::paint());
     let scale = opened.loader.color_scale().unwrap().unwrap();
     assert_eq!((scale.name.as_str(), scale.unit.as_str()), ("Heat", "K"));
-    assert!(scale.automatic && scale.range[0] < 110.0 && scale.range[1] > 485.0, "{scale:?}");
+    // The 12th and the 588th of 600 values.
+    assert_eq!((scale.range, scale.automatic), ([112.0, 487.0], true));
     for frame in &opened.loader.sequence.frames {
         let colors = opened.loader.load(frame, scene).unwrap().splats.colors.unwrap();
         assert_eq!(colors.map().unwrap().range, scale.range);
@@ -128,6 +129,15 @@ fn sequences_and_fluids_are_colored() {
     }
     let given = open(Some(ColorRange::Of([0.0, 10.0]))).loader.color_scale().unwrap().unwrap();
     assert_eq!((given.range, given.automatic), ([0.0, 10.0], false));
+
+    // A file that is named alone takes the radius of its sequence, whatever attributes the others have.
+    write("v_2.csv", 0.0);
+    let bare: String = (0..200).map(|i| format!("{},0,0\n", 0.2 * i as f32)).collect();
+    std::fs::write(folder.path().join("v_1.csv"), format!("x,y,z\n{bare}")).unwrap();
+    let adjustments = Adjustments { color_by: Some("heat".into()), ..Adjustments::default() };
+    let input = Some(folder.path().join("v_2.csv"));
+    let alone = Request { input, adjustments, ..Request::default() }.open().unwrap();
+    assert!(alone.loader.color_scale().unwrap().is_some());
 
     // Two fluids.
     let scene = "[[fluid]]\nsource = \"w_1.csv\"\nselect = \"heat>150\"\n[[fluid]]\nsource = \"w_3.csv\"\n\
@@ -148,10 +158,10 @@ fn sequences_and_fluids_are_colored() {
 /// Keys of `[liquid]` are replaced by name; those that no longer fit are dropped.
 #[test]
 fn keys_are_replaced() {
-    let set = |overrides: &[&str]| {
+    let set = |overrides: &[&str]| -> limpid_io::Result<Project> {
         let mut project = scene("ior = 1.4\nabsorption = [1, 2, 3]").unwrap();
         project.set(&overrides.iter().map(|&text| text.to_owned()).collect::<Vec<_>>())?;
-        limpid_io::Result::Ok(project)
+        Ok(project)
     };
     let heat =
         set(&["liquid.color_by=heat", "liquid.color_range=[20, 80]", "liquid.colormap=magma"]);
