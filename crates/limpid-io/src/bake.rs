@@ -103,7 +103,7 @@ pub fn bake(
                         solver.insert(Solver::new(simulation, solids, last))
                     }
                 };
-                Made::Now(solver.make(number))
+                Made::Now(Box::new(solver.make(number)))
             };
             // A failed writer has closed the channel; its error is among the outcomes.
             let closed = job_sender.send(Job { number, again, made }).is_err();
@@ -137,7 +137,7 @@ struct Job {
 enum Made {
     /// By an earlier bake, with this checksum.
     Before(u32),
-    Now(Particles),
+    Now(Box<Particles>),
 }
 
 /// A frame on disk.
