@@ -20,6 +20,9 @@ pub const MAX_LIGHTS: usize = 16;
 /// Maximum number of fluids in a scene.
 pub const MAX_FLUIDS: usize = 16;
 
+/// Largest mean cosine of the scattering angle, and its negative the smallest.
+pub const MAX_ANISOTROPY: f32 = 0.99;
+
 /// Everything that a picture shows except the particles and the camera.
 ///
 /// Later versions may add fields: write `Scene { solids, ..Scene::default() }`.
@@ -27,9 +30,9 @@ pub const MAX_FLUIDS: usize = 16;
 pub struct Scene {
     /// The liquid's optics.
     pub liquid: Liquid,
-    /// Absorption coefficient of each fluid, 1/m per colour channel; empty for a single liquid. All
-    /// fluids share the index of refraction of [`Scene::liquid`].
-    pub fluids: Vec<Vec3>,
+    /// The medium of each fluid; empty for a single liquid. All fluids share the index of refraction of
+    /// [`Scene::liquid`].
+    pub fluids: Vec<Medium>,
     /// Radiance of rays that hit neither liquid nor a solid.
     pub environment: Environment,
     /// A picture behind everything, in place of the environment where the picture shows it. It fills the
@@ -53,6 +56,17 @@ pub enum Kind {
     Opaque,
 }
 
+/// What light meets inside a liquid.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Medium {
+    /// Absorption coefficients of red, green and blue light, 1/m.
+    pub absorption: Vec3,
+    /// Scattering coefficients, 1/m; 0 for a clear liquid.
+    pub scattering: Vec3,
+    /// Mean cosine of the scattering angle, above -1 and below 1: g of Henyey and Greenstein (1941).
+    pub anisotropy: f32,
+}
+
 /// The liquid's optics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Liquid {
@@ -63,6 +77,10 @@ pub struct Liquid {
     pub ior: f32,
     /// Absorption coefficients of red, green and blue light, 1/m.
     pub absorption: Vec3,
+    /// Scattering coefficients, 1/m; 0 for a clear liquid.
+    pub scattering: Vec3,
+    /// Mean cosine of the scattering angle; see [`Medium::anisotropy`].
+    pub anisotropy: f32,
     /// Albedo of an opaque body, linear RGB from 0 to 1, unless its particles have
     /// [colours](crate::liquid::classify::Splats::colors).
     pub color: Vec3,
@@ -76,6 +94,8 @@ impl Default for Liquid {
             kind: Kind::Clear,
             ior: 1.33,
             absorption: Vec3::new(1.2, 0.35, 0.12),
+            scattering: Vec3::ZERO,
+            anisotropy: 0.0,
             color: Vec3::splat(0.5),
             roughness: 0.1,
         }
@@ -332,17 +352,30 @@ impl Scene {
         }
     }
 
-    /// Absorption coefficient of each fluid, 1/m; never empty.
-    pub fn absorptions(&self) -> Vec<Vec3> {
+    /// The medium of each fluid; never empty.
+    pub fn media(&self) -> Vec<Medium> {
         match self.fluids.as_slice() {
-            [] => vec![self.liquid.absorption],
+            [] => vec![self.liquid.medium()],
             fluids => fluids.to_vec(),
         }
     }
 
-    /// Whether the scene has a light, and a lit solid or an opaque body.
+    /// Absorption coefficient of each fluid, 1/m; never empty.
+    pub fn absorptions(&self) -> Vec<Vec3> {
+        self.media().into_iter().map(|medium| medium.absorption).collect()
+    }
+
+    /// Whether the scene has a light, and something that shows it: a lit solid, an opaque body or a turbid liquid.
     pub fn is_lit(&self) -> bool {
-        !self.lights.is_empty() && (self.is_opaque() || self.solids.iter().any(|solid| solid.lit))
+        let shows = |solid: &Solid| solid.lit;
+        let body = self.is_opaque() || self.is_turbid();
+        !self.lights.is_empty() && (body || self.solids.iter().any(shows))
+    }
+
+    /// Whether the liquid scatters light.
+    pub fn is_turbid(&self) -> bool {
+        let scatters = |medium: &Medium| medium.scattering != Vec3::ZERO;
+        !self.is_opaque() && self.media().iter().any(scatters)
     }
 
     /// Whether no light enters the liquid.
@@ -372,12 +405,15 @@ impl Scene {
         if !is_share(self.liquid.roughness) {
             return fail("liquid", "roughness must be between 0 and 1");
         }
-        let absorbs = |a: &Vec3| a.is_finite() && a.min_element() >= 0.0;
-        if !absorbs(&self.liquid.absorption) {
-            return fail("liquid", "absorption must not be negative");
+        if let Some(problem) = self.liquid.medium().problem() {
+            return fail("liquid", problem);
         }
-        if !self.absorptions().iter().all(absorbs) {
-            return fail("[fluid]", "absorption must not be negative");
+        if let Some(problem) = self.fluids.iter().find_map(Medium::problem) {
+            return fail("[fluid]", problem);
+        }
+        let scatters = |medium: &Medium| medium.scattering != Vec3::ZERO;
+        if self.is_opaque() && self.media().iter().any(scatters) {
+            return fail("liquid", "an opaque body has no scattering inside; leave it 0");
         }
         if self.fluids.len() > MAX_FLUIDS {
             return fail("[fluid]", &format!("at most {MAX_FLUIDS} fluids can be drawn"));
@@ -402,6 +438,41 @@ impl Scene {
             }
         }
         self.settings.check()
+    }
+}
+
+impl Liquid {
+    /// Its medium.
+    pub fn medium(&self) -> Medium {
+        let Self { absorption, scattering, anisotropy, .. } = *self;
+        Medium { absorption, scattering, anisotropy }
+    }
+
+    /// The same liquid with another medium.
+    #[must_use]
+    pub fn with(self, medium: Medium) -> Self {
+        let Medium { absorption, scattering, anisotropy } = medium;
+        Self { absorption, scattering, anisotropy, ..self }
+    }
+}
+
+impl Medium {
+    /// A clear medium of this absorption, 1/m.
+    pub fn clear(absorption: Vec3) -> Self {
+        Self { absorption, ..Self::default() }
+    }
+
+    /// Describes the first invalid value.
+    fn problem(&self) -> Option<&'static str> {
+        let is_coefficient = |a: Vec3| a.is_finite() && a.min_element() >= 0.0;
+        if !is_coefficient(self.absorption) {
+            return Some("absorption must not be negative");
+        }
+        if !is_coefficient(self.scattering) {
+            return Some("scattering must not be negative");
+        }
+        (!(self.anisotropy.abs() <= MAX_ANISOTROPY))
+            .then_some("anisotropy must be between -0.99 and 0.99")
     }
 }
 

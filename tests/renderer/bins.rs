@@ -6,7 +6,7 @@ use limpid::environment::Environment;
 use limpid::gpu::{Gpu, Grain};
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::renderer::Renderer;
-use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+use limpid::scene::{Light, Medium, Scene, Shape, Solid, Surface};
 
 use crate::support::frames::{
     FrameImages, Harness, diagnosed, gpu, harness, limited, noise_vector, on_axis, render, scene,
@@ -42,7 +42,7 @@ fn body() -> Splats {
 /// Two fluids, so that mixtures are summed.
 fn mixed() -> Scene {
     let mut scene = scene();
-    scene.fluids = vec![Vec3::new(1.0, 0.2, 0.1), Vec3::new(0.1, 3.0, 0.4)];
+    scene.fluids = [Vec3::new(1.0, 0.2, 0.1), Vec3::new(0.1, 3.0, 0.4)].map(Medium::clear).to_vec();
     scene
 }
 

@@ -5,7 +5,7 @@ use limpid::camera::{Camera, Lens, View};
 use limpid::frame::FrameInput;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::motion::Motion;
-use limpid::scene::{Scene, Shape};
+use limpid::scene::{Medium, Scene, Shape};
 
 use crate::support::frames::{
     self, Harness, diagnosed, glowing, harness, noise_vector, on_axis, render, scene, sphere,
@@ -195,7 +195,7 @@ fn masks_tell_fluids_apart() {
     let left = sphere(Vec3::new(-0.5, 0.0, 0.0), 0.3);
     let right = Splat { tags: 1, ..sphere(Vec3::new(0.5, 0.0, 0.0), 0.3) };
     let splats = splats(&[left], &[right], 0.3);
-    let scene = Scene { fluids: vec![Vec3::ONE, Vec3::X], ..scene() };
+    let scene = Scene { fluids: [Vec3::ONE, Vec3::X].map(Medium::clear).to_vec(), ..scene() };
     let camera = on_axis(3.0, 45.0);
     let images = draw(&mut harness, &Motion::default(), &scene, &camera, &splats);
     let mut counts = [0, 0];

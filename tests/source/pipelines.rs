@@ -13,7 +13,7 @@ use limpid::liquid::classify::{Splat, Splats};
 use limpid::liquid::{ColorMap, Colors, Particles};
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
-use limpid::scene::{Kind, Light, Liquid, Scene, Shape, Solid, Surface};
+use limpid::scene::{Kind, Light, Liquid, Medium, Scene, Shape, Solid, Surface};
 use limpid::settings::{Curve, Filter, Fresnel, Method, Reflections, Solids, Solver, Unit};
 use limpid::wgpu;
 
@@ -236,7 +236,7 @@ fn every_setting_is_valid() {
         ("gathered caustics", |s| s.settings.caustics.method = Method::Gather),
         ("straight light", |s| s.settings.caustics.method = Method::Straight),
         ("several fluids", |s| {
-            s.fluids = vec![Vec3::X, Vec3::Y];
+            s.fluids = [Vec3::X, Vec3::Y].map(Medium::clear).to_vec();
         }),
         ("aces, many samples", |s| {
             s.settings.tonemap.curve = Curve::Aces;

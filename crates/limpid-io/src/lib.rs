@@ -52,6 +52,7 @@ pub mod frame_cache;
 pub mod frames;
 mod identity;
 pub mod input;
+pub mod media;
 pub mod meshes;
 pub mod notice;
 mod number;

@@ -347,7 +347,8 @@ impl Drawer {
                     None => self.thickness(&opened.loader, &particles)?,
                 };
                 let absorption = |tint: &Vec3| tint.map(|c| (-c.ln()).max(0.0)) / thickness as f32;
-                scene.fluids = tints.iter().map(absorption).collect();
+                scene.fluids =
+                    tints.iter().map(absorption).map(limpid::scene::Medium::clear).collect();
                 Some(thickness)
             }
             None => None,

@@ -28,7 +28,7 @@ use limpid::environment::Environment;
 use limpid::liquid::Up;
 use limpid::liquid::particles::drawable;
 use limpid::look::Look;
-use limpid::scene::{Light, Liquid, Scene, Solid};
+use limpid::scene::{Light, Liquid, Medium, Scene, Solid};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -218,7 +218,7 @@ impl Project {
             LiquidSource::File(file) => particles = Some(file.clone()),
             LiquidSource::Fluids(files) => {
                 let fluids = files.iter().zip(&scene.fluids);
-                fluid.extend(fluids.map(|(source, &absorption)| FluidFile::of(source, absorption)));
+                fluid.extend(fluids.map(|(source, &medium)| FluidFile::of(source, medium)));
             }
             _ => {}
         }
@@ -344,20 +344,20 @@ fn load_solids(
     Ok((solids, motion))
 }
 
-/// Where a file's liquid comes from, one of the first three or `fluids`, and the absorptions of these.
+/// Where a file's liquid comes from, one of the first three or `fluids`, and the media of these.
 fn liquid_source(
     alone: (Option<ParticleSource>, Option<Recipe>, Option<Simulation>),
     fluids: Vec<FluidFile>,
     liquid: &Liquid,
     folder: &Path,
     fail: &dyn Fn(String) -> Error,
-) -> Result<(LiquidSource, Vec<Vec3>)> {
-    let (mut sources, mut absorptions) = (Vec::new(), Vec::new());
+) -> Result<(LiquidSource, Vec<Medium>)> {
+    let (mut sources, mut media) = (Vec::new(), Vec::new());
     for (number, fluid) in (1..).zip(fluids) {
-        let fluid = fluid.validated(liquid.absorption);
-        let (source, absorption) = fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?;
+        let fluid = fluid.validated(liquid.medium());
+        let (source, medium) = fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?;
         sources.push(source);
-        absorptions.push(absorption);
+        media.push(medium);
     }
     let mut source = match alone {
         (Some(particles), ..) => LiquidSource::File(particles),
@@ -383,7 +383,7 @@ fn liquid_source(
             p.source = folder.join(&p.source);
         }
     }
-    Ok((source, absorptions))
+    Ok((source, media))
 }
 
 /// Whether a text is a scene file, independent of the files that it refers to.

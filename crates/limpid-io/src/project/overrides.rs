@@ -52,7 +52,8 @@ impl Project {
                 let count = scene.fluids.len();
                 let fluid = index.and_then(|i| scene.fluids.get_mut(i));
                 let problem = || format!("no fluid {number_from_1}; the scene has {count}");
-                *fluid.ok_or_else(problem)? = vector(number(given)?).map_err(|e| message(&e))?;
+                fluid.ok_or_else(problem)?.absorption =
+                    vector(number(given)?).map_err(|e| message(&e))?;
             }
             ["liquid" | "fluid", ..] => {
                 let keys = LIQUID.map(|key| format!("liquid.{key}")).join(", ");

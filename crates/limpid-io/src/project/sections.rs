@@ -9,10 +9,11 @@ use super::ParticleSource;
 use super::solids::{Given, unit};
 use crate::color_by::{Attribute, ColorBy, ColorRange, MapName};
 use crate::error::{Error, Result};
+use crate::media::MediumName;
 use crate::particles::{AttributeMap, Selection};
 use limpid::environment::{Environment, Glow, MAX_RADIANCE};
 use limpid::liquid::Up;
-use limpid::scene::{Kind, Liquid};
+use limpid::scene::{Kind, Liquid, Medium};
 use limpid::settings::{Caustics, Classify, Layers, Preset, Refract, Settings, Smooth, Tonemap};
 
 /// A `[background]`.
@@ -28,6 +29,12 @@ pub(super) struct LiquidFile {
     pub(super) ior: Option<f32>,
     pub(super) absorption: Option<Vec3>,
     pub(super) color: Option<Vec3>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) medium: Option<MediumName>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) scattering: Option<Vec3>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) anisotropy: Option<f32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) kind: Option<KindFile>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -65,6 +72,12 @@ pub(super) struct FluidFile {
     pub(super) select: Selection,
     pub(super) absorption: Option<Vec3>,
     pub(super) color: Option<Vec3>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) medium: Option<MediumName>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) scattering: Option<Vec3>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) anisotropy: Option<f32>,
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -133,11 +146,40 @@ pub(super) fn absorption(
     }
 }
 
+/// The medium in a file: one by name or `default`, with other coefficients where those are given.
+fn medium(
+    default: Medium,
+    name: Option<MediumName>,
+    absorption: Option<Vec3>,
+    scattering: Option<Vec3>,
+    anisotropy: Option<f32>,
+) -> Medium {
+    let medium = name.map_or(default, MediumName::medium);
+    Medium {
+        absorption: absorption.unwrap_or(medium.absorption),
+        scattering: scattering.unwrap_or(medium.scattering),
+        anisotropy: anisotropy.unwrap_or(medium.anisotropy),
+    }
+}
+
+/// The scattering and the anisotropy of a medium that scatters.
+fn turbidity(medium: Medium) -> (Option<Vec3>, Option<f32>) {
+    let scatters = medium.scattering != Vec3::ZERO;
+    (scatters.then_some(medium.scattering), scatters.then_some(medium.anisotropy))
+}
+
 impl LiquidFile {
     pub(super) fn of(liquid: &Liquid, by: Option<&ColorBy>) -> Self {
         let ior = Some(liquid.ior);
+        let (scattering, anisotropy) = turbidity(liquid.medium());
         match liquid.kind {
-            Kind::Clear => Self { ior, absorption: Some(liquid.absorption), ..Self::default() },
+            Kind::Clear => Self {
+                ior,
+                absorption: Some(liquid.absorption),
+                scattering,
+                anisotropy,
+                ..Self::default()
+            },
             Kind::Opaque => Self {
                 ior,
                 kind: Some(KindFile::Opaque),
@@ -212,6 +254,11 @@ impl LiquidFile {
             if self.absorption.is_some() {
                 return Err("an opaque body absorbs no light on its way; give its color".into());
             }
+            if self.scattering.is_some() || self.anisotropy.is_some() || self.medium.is_some() {
+                let problem = "an opaque body has no medium inside: leave out medium, scattering and \
+                               anisotropy, or kind = \"opaque\"";
+                return Err(problem.into());
+            }
             return Ok(Liquid {
                 kind: Kind::Opaque,
                 ior: self.ior.unwrap_or(1.0),
@@ -224,26 +271,40 @@ impl LiquidFile {
             return Err("roughness is of the coat of an opaque body: kind = \"opaque\"".into());
         }
         let absorption = absorption(self.absorption, self.color)?;
-        Ok(Liquid {
-            ior: self.ior.unwrap_or(default.ior),
-            absorption: absorption.unwrap_or(default.absorption),
-            ..default
-        })
+        let Self { medium: name, scattering, anisotropy, .. } = self;
+        let medium = medium(default.medium(), name, absorption, scattering, anisotropy);
+        let ior = self.ior.unwrap_or_else(|| name.map_or(default.ior, MediumName::ior));
+        Ok(Liquid { ior, ..default }.with(medium))
     }
 }
 
 impl FluidFile {
-    pub(super) fn of(source: &ParticleSource, absorption: Vec3) -> Self {
+    pub(super) fn of(source: &ParticleSource, medium: Medium) -> Self {
         let ParticleSource { source, frame, radius, up, fps, scale, map, select } = source.clone();
-        let absorption = Some(absorption);
-        Self { source, frame, radius, up, fps, scale, map, select, absorption, color: None }
+        let (absorption, (scattering, anisotropy)) = (Some(medium.absorption), turbidity(medium));
+        let (color, medium) = (None, None);
+        Self {
+            source,
+            frame,
+            radius,
+            up,
+            fps,
+            scale,
+            map,
+            select,
+            absorption,
+            color,
+            medium,
+            scattering,
+            anisotropy,
+        }
     }
 
-    pub(super) fn validated(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
-        let Self { source, frame, radius, up, fps, scale, map, select, absorption: given, color } =
-            self;
-        let absorption = absorption(given, color)?.unwrap_or(default);
-        Ok((ParticleSource { source, frame, radius, up, fps, scale, map, select }, absorption))
+    pub(super) fn validated(self, default: Medium) -> Result<(ParticleSource, Medium), String> {
+        let absorption = absorption(self.absorption, self.color)?;
+        let medium = medium(default, self.medium, absorption, self.scattering, self.anisotropy);
+        let Self { source, frame, radius, up, fps, scale, map, select, .. } = self;
+        Ok((ParticleSource { source, frame, radius, up, fps, scale, map, select }, medium))
     }
 }
 

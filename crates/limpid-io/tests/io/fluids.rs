@@ -5,7 +5,7 @@ use glam::{DVec3, UVec2, Vec3};
 use limpid::frame::FrameInput;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splat, Splats};
-use limpid::scene::{Scene, Shape};
+use limpid::scene::{Medium, Scene, Shape};
 use limpid_io::input::{FrameTime, Input, Missing};
 use limpid_io::project::Project;
 
@@ -25,7 +25,7 @@ fn of_fluid(splat: Splat, fluid: u32) -> Splat {
 fn fluids(absorptions: &[Vec3]) -> Scene {
     let mut scene = scene();
     scene.liquid.ior = 1.0;
-    scene.fluids = absorptions.to_vec();
+    scene.fluids = absorptions.iter().copied().map(Medium::clear).collect();
     scene
 }
 

@@ -11,7 +11,7 @@ use limpid::light_view::LightView;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
-use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+use limpid::scene::{Light, Medium, Scene, Shape, Solid, Surface};
 use limpid::settings::{Method, Solids, Solver};
 use limpid::wgpu;
 use limpid_lab::report::passes::{Counts, eye_counts, light_counts, measure_frame, work};
@@ -180,7 +180,7 @@ fn every_pass_has_a_model() {
     for method in Method::ALL {
         for solver in Solver::ALL {
             let mut scene = Scene { solids: vec![floor()], lights: vec![sun(), point], ..scene() };
-            scene.fluids = vec![Vec3::X, Vec3::X * 2.0];
+            scene.fluids = [Vec3::X, Vec3::X * 2.0].map(Medium::clear).to_vec();
             scene.settings.smooth.iterations = 2;
             scene.settings.refract.solver = solver;
             scene.settings.refract.solids = Solids::Screen;

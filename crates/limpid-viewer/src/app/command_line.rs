@@ -71,7 +71,7 @@ pub fn command_line(
     }
     for (number, (new, old)) in (1..).zip(scene.fluids.iter().zip(&plain.fluids)) {
         if new != old {
-            option("set", format!("fluid.{number}.absorption={}", vector(*new)));
+            option("set", format!("fluid.{number}.absorption={}", vector(new.absorption)));
         }
     }
     words.push("-o".to_owned());

@@ -156,7 +156,7 @@ pub(crate) fn query(viewer: &Viewer) -> Option<String> {
     }
     for (number, (new, old)) in (1..).zip(edited.fluids.iter().zip(&plain.fluids)) {
         if new != old {
-            pairs.push(("set", format!("fluid.{number}.absorption={}", vector(*new))));
+            pairs.push(("set", format!("fluid.{number}.absorption={}", vector(new.absorption))));
         }
     }
     let encoded = |text: &str| String::from(js_sys::encode_uri_component(text));

@@ -261,7 +261,7 @@ fn liquid(ui: &mut egui::Ui, scene: &mut Scene) {
             absorption(ui, "Absorption", &mut scene.liquid.absorption);
         }
         for (number, fluid) in (1..).zip(&mut scene.fluids) {
-            absorption(ui, &format!("Absorption {number}"), fluid);
+            absorption(ui, &format!("Absorption {number}"), &mut fluid.absorption);
         }
     });
 }

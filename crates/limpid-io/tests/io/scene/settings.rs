@@ -177,7 +177,7 @@ fn liquid_and_processor_can_be_overridden() {
     let set = ["liquid.ior=1.5", "fluid.2.absorption=[1, 2.5, 3.0]", "classify.on=cpu"];
     project.set(&set.map(String::from)).expect("an index, an absorption, a processor");
     let scene = &project.scene;
-    assert_eq!((scene.liquid.ior, scene.fluids[1]), (1.5, Vec3::new(1.0, 2.5, 3.0)));
+    assert_eq!((scene.liquid.ior, scene.fluids[1].absorption), (1.5, Vec3::new(1.0, 2.5, 3.0)));
     assert_eq!(scene.fluids[0], before.fluids[0]);
     assert_eq!(project.processor, Processor::Cpu);
     for bad in [

@@ -1,11 +1,11 @@
 //! Ground truth for small pictures, and the error of drawn pictures against it.
 
-use glam::{UVec2, Vec3};
+use glam::UVec2;
 use image::RgbImage;
 
 use crate::model::document::Document;
 use limpid::camera::Camera;
-use limpid::scene::{Liquid, Scene};
+use limpid::scene::{Liquid, Medium, Scene};
 use limpid::settings::Settings;
 use limpid_io::input::FrameTime;
 use limpid_io::project::controls;
@@ -26,8 +26,8 @@ pub struct Truth {
     pub(crate) at: FrameTime,
     /// Optical properties of the liquid.
     pub(crate) liquid: Liquid,
-    /// Absorption of each of several fluids.
-    pub(crate) fluids: Vec<Vec3>,
+    /// The medium of each of several fluids.
+    pub(crate) fluids: Vec<Medium>,
     /// The picture.
     pub(crate) picture: RgbImage,
 }
@@ -75,6 +75,8 @@ pub(crate) fn missing(
 ) -> Option<&'static str> {
     if scene.is_lit() {
         Some("Ground truth is not available here for lit scenes.")
+    } else if scene.is_turbid() {
+        Some("Ground truth is not available here for turbid liquids.")
     } else if scene.fluids.len() > 1 {
         Some("Ground truth is not available here for several liquids.")
     } else if !has_closed_form(document) && particles > MAX_PARTICLES {

@@ -10,7 +10,7 @@ use limpid::camera::Camera;
 use limpid::gpu::PassTime;
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::Splats;
-use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
+use limpid::scene::{Light, Liquid, Medium, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
 use limpid_io::adjustments::{Floor, Sun};
 use limpid_io::error::{Error, Result};
@@ -129,7 +129,7 @@ pub(crate) struct Edits {
     settings: Settings,
     ior: f32,
     absorption: Vec3,
-    fluids: Vec<Vec3>,
+    fluids: Vec<Medium>,
     lights: Vec<Light>,
     sun: Sun,
     floor: Option<f64>,
