@@ -1,19 +1,12 @@
 // Radiance of an opaque body: Lambertian, with a rough dielectric coat, in the light from around it (shade/around.wgsl) and
 // of the lights.
 
+#import shade/material.wgsl
+#import shade/packed.wgsl
 #import shade/surface.wgsl
 
 @group(1) @binding(5) var around: texture_2d<u32>;
 @group(1) @binding(6) var body_radiance: texture_storage_2d<rgba32float, write>;
-
-fn unpacked_rgb(bits: u32) -> vec3f {
-    let mantissas = vec3f(vec3u(bits, bits >> 9u, bits >> 18u) & vec3u(511u));
-    return mantissas * exp2(f32(bits >> 27u) - 24.0);
-}
-
-fn unpacked_shares(bits: u32) -> vec3f {
-    return vec3f(vec3u(bits, bits >> 10u, bits >> 20u) & vec3u(1023u)) / 1000.0;
-}
 
 // Mean of what the 4 x 4 pixels around a texel see that are of its surface.
 struct Around {

@@ -1,27 +1,14 @@
-// The first surface of an opaque body at a pixel, and the light that is found for it.
+// The first surface of a body at a pixel, and the light around it.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
-#import common/optics.wgsl
 #import common/scene.wgsl
 #import common/tiles.wgsl
 
-struct Params {
-    albedo: vec3f,             // linear RGB, where no colours are given
-    ior: f32,                  // of the coat; 1 for none
-    roughness: f32,            // alpha of the coat's microfacets (Walter et al. 2007)
-    mean_transmittance: f32,   // of the coat, for light from everywhere
-    radius: f32,               // of particles, m
-}
-
 override SPLASH: bool = false;  // the frame has splash layers
-override COLORED: bool = false; // particles have colours: color/means.wgsl
-override COATED: bool = false;  // the body has a coat
 
-@group(1) @binding(0) var<uniform> params: Params;
 @group(1) @binding(1) var aggregate_layers: $layers;
 @group(1) @binding(2) var splash_layers: $layers;
-@group(1) @binding(3) var colors: texture_2d<f32>;
 @group(1) @binding(4) var<storage, read> tiles: TileList;
 
 const PI: f32 = 3.14159265;
@@ -62,18 +49,6 @@ fn body_at(texel: vec2i) -> Body {
 fn depth_below(plane: vec3f, omega: vec3f, disparity: f32) -> f32 {
     let way = camera_distance(omega, disparity) - camera_distance(omega, max(dot(plane, omega), 1e-20));
     return way * dot(plane_normal(plane), camera_ray_direction(omega));
-}
-
-fn albedo_at(texel: vec2i) -> vec3f {
-    if COLORED {
-        return textureLoad(colors, texel, 0).rgb;
-    }
-    return params.albedo;
-}
-
-// Share of light that the coat reflects at a microfacet.
-fn coat_reflectance(cos_theta: f32) -> f32 {
-    return optics_fresnel(cos_theta, optics_cos_transmitted(cos_theta, params.ior), params.ior);
 }
 
 // Share of the hemisphere that the directions may miss.
