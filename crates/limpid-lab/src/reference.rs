@@ -21,6 +21,7 @@ pub mod optics;
 pub mod solids;
 pub mod surroundings;
 pub mod trace;
+pub mod turbid;
 mod wetting;
 
 /// A ray.
