@@ -49,8 +49,8 @@ impl Dirty {
         let (old, new) = (&last.scene.settings, &scene.settings);
         let solids = last.scene.solids != scene.solids;
         let scene_lights = last.scene.lights != scene.lights;
-        let absorption = last.scene.absorptions() != scene.absorptions();
-        let optics = last.scene.liquid != scene.liquid || absorption;
+        let media = last.scene.media() != scene.media();
+        let optics = last.scene.liquid != scene.liquid || media;
         let smooth = old.smooth != new.smooth || old.layers != new.layers;
         let lights = splats
             || solids
@@ -63,7 +63,7 @@ impl Dirty {
             || smooth
             || last.view != view
             || last.config != config
-            || config.mixture && absorption
+            || (config.mixture || config.scattering) && media
             || config.gbuffer && solids
             // Walls hide the liquid behind them.
             || solids && !same_shapes(&last.scene, scene)

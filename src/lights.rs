@@ -13,7 +13,7 @@ use crate::passes::caustics::{
     CausticBuffers, CausticMap, Caustics, Inputs, MapConfig, Output, Params,
 };
 use crate::passes::gaps;
-use crate::passes::mixture;
+use crate::passes::mixture::Shares;
 use crate::passes::scene_binding::LightMaps;
 use crate::passes::smooth;
 use crate::passes::tiles::Sections;
@@ -95,13 +95,15 @@ impl Lights {
             let backs = map_settings.interfaces > 1;
             let gaps = gaps::count(&scene.settings.layers, map_settings.interfaces, splats);
             let size = view.size;
-            let mixture = mixture::is_mixed(scene) && !scene.is_opaque();
+            let mixture = Shares::of_attenuation(scene).are_mixed() && !scene.is_opaque();
             let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
             let gbuffer = true;
             let config = ViewConfig {
                 size,
                 splash,
                 mixture,
+                scattering: false,
+                attenuates: true,
                 gbuffer,
                 host: false,
                 levels: 1,

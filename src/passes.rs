@@ -28,6 +28,7 @@ pub mod splat_buffers;
 pub mod surface;
 pub mod tiles;
 pub mod tonemap;
+pub mod turbid;
 pub mod view_passes;
 
 /// A front and a back layer of tangent planes, and two more for each gap between liquid and liquid: layers of

@@ -26,6 +26,7 @@ use crate::passes::scene_binding::SceneVariant;
 use crate::passes::shade::{Shade, ShadeImages};
 use crate::passes::surface::{self, SurfaceBuffers, SurfaceImages, SurfacePass};
 use crate::passes::tonemap::Tonemap;
+use crate::passes::turbid::{Turbid, TurbidImages};
 use crate::passes::view_passes::{PassNames, SplatSet, ViewPasses};
 use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::settings;
@@ -50,6 +51,8 @@ pub struct Renderer {
     picture: RefractImages,
     /// Of opaque bodies.
     shaded: Option<ShadeImages>,
+    /// Of turbid liquids.
+    clouded: Option<TurbidImages>,
     /// Of opaque bodies whose particles have colours.
     colored: Option<ColorImages>,
     surface: SurfaceBuffers,
@@ -116,6 +119,7 @@ impl Renderer {
             background: Background::default(),
             picture: RefractImages::new(gpu, UVec2::ONE, false),
             shaded: None,
+            clouded: None,
             colored: None,
             surface: SurfaceBuffers::new(gpu),
             tonemap: Tonemap::new(gpu, false),
@@ -316,7 +320,7 @@ impl Renderer {
         let size = (frame.config.size, frame.input.diagnose);
         if self.sized_for != size {
             self.picture = RefractImages::new(&self.gpu, size.0, size.1);
-            (self.shaded, self.colored) = (None, None);
+            (self.shaded, self.colored, self.clouded) = (None, None, None);
             self.sized_for = size;
         }
     }
@@ -391,6 +395,7 @@ impl Renderer {
             return;
         }
         self.prepare_body(frame);
+        self.prepare_turbid(frame);
         let eye = &self.camera_view;
         let behind = match frame.input.host {
             Some(host) => Some(&host.color),
@@ -399,7 +404,8 @@ impl Renderer {
         let structure = frame.input.scene.settings.refract.structure;
         let params = &frame.refract_params();
         let body = frame.shade.as_ref().and(self.shaded.as_ref()).map(|shaded| &shaded.radiance);
-        let inputs = refract::Inputs { eye, params, structure, behind, body, work: frame.work };
+        let (turbid, work) = (self.clouded.as_ref(), frame.work);
+        let inputs = refract::Inputs { eye, params, structure, behind, body, turbid, work };
         frame.refract = Some(Refract::prepare(&self.gpu, frame.variant, inputs, &mut self.picture));
         self.compiled = Some((frame.variant, eye.scene.variant));
     }
@@ -423,11 +429,24 @@ impl Renderer {
         frame.shade = Some(Shade::prepare(gpu, eye, scene, splats.radius, colored, images));
     }
 
+    /// Prepares the light around a turbid liquid.
+    fn prepare_turbid(&mut self, frame: &mut PreparedFrame<'_>) {
+        let FrameInput { scene, splats, size, .. } = frame.input;
+        if !scene.is_turbid() {
+            self.clouded = None;
+            return;
+        }
+        let gpu = &self.gpu;
+        let images = self.clouded.get_or_insert_with(|| TurbidImages::new(gpu, size, scene));
+        images.update(gpu, scene);
+        frame.turbid = Some(Turbid::prepare(gpu, &self.camera_view, scene, splats.radius, images));
+    }
+
     /// A timer for all passes of a frame.
     fn timer(&self, frame: &PreparedFrame<'_>) -> Timer {
-        // Those of the views; then host, mips, color, shade, refract, surface and tonemap, and the caustics of each light.
+        // Those of the views; then host, mips, color, shade, turbid, refract, surface and tonemap, and the caustics of each light.
         let of_lights = (PassNames::COUNT + 1) * self.lights.views().len();
-        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 7 + of_lights)
+        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 8 + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
@@ -464,6 +483,9 @@ impl Renderer {
         }
         if let Some(shade) = &frame.shade {
             shade.record(commands, eye, timer.span("shade"));
+        }
+        if let Some(turbid) = &frame.turbid {
+            turbid.record(commands, eye, timer.span("turbid"));
         }
         if let Some(refract) = &frame.refract {
             refract.record(commands, eye, timer.span("refract"));

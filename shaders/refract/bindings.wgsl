@@ -13,6 +13,7 @@ struct Params {
     ambient_shares: vec2f, // shares of ambient light that enter level liquid by two paths
     ambient_paths: vec2f,  // lengths of these paths per metre of depth
     eye_depth: f32,        // depth of the eye below the liquid's surface, m; 0 outside
+    scattering: vec3f,     // 1/m; likewise
 }
 
 @group(1) @binding(0) var<uniform> params: Params;
@@ -32,3 +33,7 @@ struct Params {
 @group(1) @binding(11) var first_radiance: texture_2d<f32>;
 // Of `opaque`: shade/body.wgsl.
 @group(1) @binding(12) var body_radiance: texture_2d<f32>;
+// Of turbid liquids: scattering times length, length; turbid/means.wgsl; turbid/slab.wgsl.
+@group(1) @binding(13) var scattering_mixture: texture_2d<f32>;
+@group(1) @binding(14) var turbid_light: texture_2d<u32>;
+@group(1) @binding(15) var slab_table: texture_2d<f32>;

@@ -19,9 +19,11 @@
 #import refract/bindings.wgsl
 #import refract/looks.wgsl
 #import refract/slabs.wgsl
+#import refract/turbid.wgsl
 
 override ABSORPTION: bool = true;         // any absorption component is above 0
 override MIXTURE: bool = false;           // there are fluids of different absorption
+override TURBID: bool = false;            // the liquid scatters light: refract/turbid.wgsl
 override SCHLICK: bool = false;           // Schlick's approximation instead of Fresnel's equations
 override RADIANCE_SCALING: bool = true;   // scale radiance by the squared index
 override CONTACT: bool = true;            // there are solids, and contact > 0
@@ -284,6 +286,13 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
     // Height of the last interface: a lower bound on the surface where the picture does not show it or
     // the upward ray runs along a wall.
     var height = params.eye_depth;
+    // Of a turbid liquid: the light around the interval, the last interval, and the ray's cosine at its start.
+    var light: Around;
+    var interval = Interval(vec3f(1.0), vec3f(0.0), vec3f(0.0));
+    var cosine = 1.0;
+    if TURBID && inside {
+        light = light_around(texel);
+    }
 
     // At most 8 interfaces, 8 bounces, the final event and the upward ray.
     for (var event = 0u; event < 18u; event++) {
@@ -331,7 +340,14 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 screen = false;
                 if wet || hit.found {
                     diagnosed.inside += select(to_hit, solid.t, wet);
-                    if ABSORPTION {
+                    if TURBID {
+                        let end = select(hit.position, o + solid.t * d, wet);
+                        let absorption = absorption_between(o, end);
+                        let scattering = scattering_between(o, end);
+                        interval = interval_of(absorption, scattering, distance(o, end), cosine, light, wet, scale);
+                        result += weight * interval.added;
+                        weight *= interval.passed;
+                    } else if ABSORPTION {
                         weight *= transmittance_between(o, select(hit.position, o + solid.t * d, wet));
                     }
                 }
@@ -373,6 +389,19 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             seen.solid.t = NOTHING;
             if bounce || REFLECT_SOLIDS {
                 seen.solid = solid_ahead(o, seen.d);
+            }
+            if TURBID && inside && !bounce {
+                // What is reflected back goes the same way through the liquid.
+                result += weight * f * interval.returned;
+                seen.weight *= interval.passed;
+            }
+            if TURBID {
+                cosine = select(cos_theta_t, cos_theta_i, bounce);
+                if bounce {
+                    light = Around(light.far, light.near, light.ground);
+                } else if !inside {
+                    light = light_around(hit.texel);
+                }
             }
             // External reflections are not followed. A solid that liquid covers in this view is shaded as
             // seen through the liquid; otherwise crests would mirror a dry floor.

@@ -253,7 +253,7 @@ impl Caustics {
         let buffers = &self.buffers;
         let (gpu, params) = (commands.gpu, inputs.params);
         let uniform = |label: &str, bytes: &[u8]| gpu.buffer_with(label, gpu::UNIFORM, bytes);
-        let refract = refract::Params::new(scene, &scene.settings.refract, radius);
+        let refract = refract::Params::of_light(scene, &scene.settings.refract, radius);
         let refract = uniform("light view", bytemuck::bytes_of(&refract));
         let planes = gpu::layer_view(&inputs.gbuffer.planes, 0);
         let splash = inputs.splash.unwrap_or(inputs.aggregate);

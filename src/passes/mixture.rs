@@ -1,18 +1,19 @@
 //! The mixture of fluids at each pixel: `shaders/mixture/`.
 //!
 //! Several fluids share the layers, because light is not refracted where they meet. They differ in
-//! absorption: this pass sums length, and absorption times length, over all splats along a pixel's ray.
+//! absorption: this pass sums length, and absorption times length, over all splats along a pixel's ray. Of turbid fluids it
+//! sums scattering too, into an image of its own.
 //! Inside the liquid, the mixture absorbs the light: this is exact for unrefracted light, whatever the
 //! order of the fluids. Only fluids of different absorption need the pass.
 
-use glam::{UVec2, Vec4};
+use glam::{UVec2, Vec3, Vec4};
 use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::D2;
 
 use super::CameraBinding;
 use super::bins::Bins;
 use crate::gpu::{self, Bound, Gpu, Span, TILE};
-use crate::scene::{MAX_FLUIDS, Scene};
+use crate::scene::{MAX_FLUIDS, Medium, Scene};
 
 /// Format of the output: an error of half a thousandth is negligible against the effect of refraction.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
@@ -20,7 +21,7 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 /// The mixture of a view.
 #[derive(Debug, Clone)]
 pub struct MixtureImages {
-    /// Absorption times length, as a share of [`strongest`], and length; one pixel if the fluids do not differ.
+    /// Coefficients times length, as a share of [`Shares::strongest`], and length; one pixel if the fluids do not differ.
     pub view: wgpu::TextureView,
     /// Tiles that have sums in this frame.
     summed: wgpu::Buffer,
@@ -38,14 +39,62 @@ pub struct Mixture {
     emptied: Vec<Bound>,
 }
 
-/// Whether a scene has fluids of different absorption.
-pub fn is_mixed(scene: &Scene) -> bool {
-    scene.absorptions().windows(2).any(|pair| pair[0] != pair[1])
+/// Coefficients of each fluid, 1/m, which mix by the shares of the fluids.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shares(Vec<Vec3>);
+
+impl Shares {
+    /// The absorption.
+    pub fn of_absorption(scene: &Scene) -> Self {
+        Self(scene.absorptions())
+    }
+
+    /// The scattering, for the [anisotropy](anisotropy) of all: by the similarity of media of one σs(1 − g) (van de
+    /// Hulst 1980, chapter 14).
+    pub fn of_scattering(scene: &Scene) -> Self {
+        let common = anisotropy(scene);
+        let similar = |medium: &Medium| match medium.anisotropy == common {
+            true => medium.scattering,
+            false => medium.scattering * ((1.0 - medium.anisotropy) / (1.0 - common)),
+        };
+        Self(scene.media().iter().map(similar).collect())
+    }
+
+    /// The attenuation of light on its way to solids: absorption, and scattering with its forward part left out.
+    pub fn of_attenuation(scene: &Scene) -> Self {
+        let turbid = scene.is_turbid();
+        let lost = |medium: &Medium| match turbid {
+            true => medium.absorption + medium.scattering * (1.0 - medium.anisotropy),
+            false => medium.absorption,
+        };
+        Self(scene.media().iter().map(lost).collect())
+    }
+
+    /// Whether the fluids differ.
+    pub fn are_mixed(&self) -> bool {
+        self.0.windows(2).any(|pair| pair[0] != pair[1])
+    }
+
+    /// The largest component of any fluid's, 1/m.
+    pub fn strongest(&self) -> f32 {
+        self.0.iter().fold(0.0, |most, coefficients| most.max(coefficients.max_element()))
+    }
+
+    /// Those of the only fluid, or the scale of the mixture's.
+    pub fn uniform(&self) -> Vec3 {
+        if self.are_mixed() { Vec3::splat(self.strongest()) } else { self.0[0] }
+    }
 }
 
-/// The largest component of any fluid's absorption, 1/m.
-pub fn strongest(scene: &Scene) -> f32 {
-    scene.absorptions().iter().fold(0.0, |most, absorption| most.max(absorption.max_element()))
+/// The mean cosine of scattering in a mixture: the fluids' mean, by how much they scatter.
+pub fn anisotropy(scene: &Scene) -> f32 {
+    let media = scene.media();
+    let strength = |medium: &Medium| medium.scattering.element_sum();
+    let (all, first) = (media.iter().map(strength).sum::<f32>(), media[0].anisotropy);
+    if all == 0.0 || media.iter().all(|medium| medium.anisotropy == first) {
+        return first;
+    }
+    media.iter().map(|medium| medium.anisotropy * strength(medium)).sum::<f32>() / all
 }
 
 impl MixtureImages {
@@ -63,13 +112,13 @@ impl Mixture {
         bins: &Bins,
         classes: usize,
         images: &MixtureImages,
-        scene: &Scene,
+        fluids: &Shares,
         radius: f32,
     ) -> Self {
-        let strongest = strongest(scene).max(f32::MIN_POSITIVE);
+        let strongest = fluids.strongest().max(f32::MIN_POSITIVE);
         let mut shares = [Vec4::ZERO; MAX_FLUIDS];
-        for (share, absorption) in shares.iter_mut().zip(scene.absorptions()) {
-            *share = (absorption / strongest).extend(radius.max(f32::MIN_POSITIVE).recip());
+        for (share, &coefficients) in shares.iter_mut().zip(&fluids.0) {
+            *share = (coefficients / strongest).extend(radius.max(f32::MIN_POSITIVE).recip());
         }
         let absorptions = gpu.buffer_with("fluids", gpu::UNIFORM, &shares);
         let MixtureImages { view, summed } = images.clone();

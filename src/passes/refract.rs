@@ -10,8 +10,9 @@ use glam::UVec2;
 use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
-use super::mixture;
+use super::mixture::Shares;
 use super::tiles::TileLists;
+use super::turbid::{self, TurbidImages};
 use super::view_passes::ViewPasses;
 use super::{Layers, Radiance};
 use crate::environment::EvenLight;
@@ -44,10 +45,14 @@ pub struct Params {
     pub eye_depth: f32,
     /// Padding: uniforms come in blocks of 16 bytes.
     pub pad_eye_depth: [u32; 3],
+    /// Scattering, 1/m; with several fluids, the scale of the mixture's scattering.
+    pub scattering: [f32; 3],
+    /// Padding.
+    pub pad: u32,
 }
 
 /// Group 1 of the passes over pixels: the names of `refract/bindings.wgsl`, in its order.
-pub const BINDINGS: [&str; 13] = [
+pub const BINDINGS: [&str; 16] = [
     "params",
     "aggregate_layers",
     "splash_layers",
@@ -61,6 +66,9 @@ pub const BINDINGS: [&str; 13] = [
     "host_color",
     "first_radiance",
     "body_radiance",
+    "scattering_mixture",
+    "turbid_light",
+    "slab_table",
 ];
 
 /// Bytes before a list of pixels: the number of them, of rays and of fallbacks.
@@ -100,6 +108,8 @@ pub struct Inputs<'a> {
     pub behind: Option<&'a wgpu::TextureView>,
     /// Radiance of an opaque body.
     pub body: Option<&'a wgpu::Texture>,
+    /// Light of a turbid liquid.
+    pub turbid: Option<&'a TurbidImages>,
     /// [`work`] per pixel.
     pub work: u64,
 }
@@ -175,7 +185,7 @@ impl Refract {
         inputs: Inputs<'_>,
         images: &mut RefractImages,
     ) -> Self {
-        let Inputs { eye, params, structure, behind, body, work } = inputs;
+        let Inputs { eye, params, structure, behind, body, turbid, work } = inputs;
         let tiles = &eye.images.tiles;
         if variant.adaptive && images.first_radiance.size() != images.radiance.texture.size() {
             let size = extent(&images.radiance.texture);
@@ -189,7 +199,11 @@ impl Refract {
         let params = gpu.buffer_with("refract", gpu::UNIFORM, &[*params]);
         let body = body.map(view);
         let body = body.as_ref();
-        let pixels = Pixels { gpu, variant, eye, params: &params, planes: &planes, behind, body };
+        let light = turbid.map_or_else(|| turbid::no_light(gpu), |turbid| view(&turbid.light));
+        let table = turbid.map_or_else(|| planes.clone(), |turbid| view(&turbid.table));
+        let turbid = [&light, &table];
+        let pixels =
+            Pixels { gpu, variant, eye, params: &params, planes: &planes, behind, body, turbid };
         let bind = |target: &_, seen: &_, list: &_, section| {
             pixels.bind([target, seen, &diagnostics], list, section)
         };
@@ -309,6 +323,8 @@ struct Pixels<'a> {
     planes: &'a wgpu::TextureView,
     behind: Option<&'a wgpu::TextureView>,
     body: Option<&'a wgpu::TextureView>,
+    /// Light around a turbid liquid, and the light of slabs.
+    turbid: [&'a wgpu::TextureView; 2],
 }
 
 impl Pixels<'_> {
@@ -319,7 +335,7 @@ impl Pixels<'_> {
         list: &wgpu::Buffer,
         section: u32,
     ) -> Bound {
-        let Self { gpu, variant, eye, params, planes, behind, body } = self;
+        let Self { gpu, variant, eye, params, planes, behind, body, turbid: [light, table] } = self;
         let gbuffer_surfaces = eye.images.gbuffer.surfaces.create_view(&Default::default());
         let mips = variant.mips();
         let view = |layers: &Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
@@ -341,6 +357,9 @@ impl Pixels<'_> {
             (read, TextureView(behind.unwrap_or(planes))),
             (read, TextureView(first_radiance)),
             (read, TextureView(body.unwrap_or(planes))),
+            (read, TextureView(&eye.images.scattering.view)),
+            (gpu::sampled_integers(), TextureView(light)),
+            (read, TextureView(table)),
         ];
         gpu.bind("refract", &bindings)
     }
@@ -455,10 +474,9 @@ pub struct StructureParams {
 impl Params {
     /// The parameters of a frame whose particles have `radius`, m.
     pub fn new(scene: &Scene, settings: &settings::Refract, radius: f32) -> Self {
-        let absorption = match mixture::is_mixed(scene) {
-            true => [mixture::strongest(scene); 3],
-            false => scene.absorptions()[0].to_array(),
-        };
+        let uniform = |shares: &Shares| shares.uniform().to_array();
+        let [absorption, scattering] =
+            [Shares::of_absorption(scene), Shares::of_scattering(scene)].map(|s| uniform(&s));
         let ambient = EvenLight::below(scene.liquid.ior);
         Self {
             absorption,
@@ -471,7 +489,15 @@ impl Params {
             ambient_paths: ambient.paths,
             eye_depth: 0.0,
             pad_eye_depth: [0; 3],
+            scattering,
+            pad: 0,
         }
+    }
+
+    /// The same for the view of a light, which what is scattered does not reach.
+    pub fn of_light(scene: &Scene, settings: &settings::Refract, radius: f32) -> Self {
+        let absorption = Shares::of_attenuation(scene).uniform().to_array();
+        Self { absorption, ..Self::new(scene, settings, radius) }
     }
 }
 

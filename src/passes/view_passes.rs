@@ -11,7 +11,7 @@ use super::bounds::{self, Bounds};
 use super::gaps::{self, GapImages, Gaps};
 use super::gbuffer::GBuffer;
 use super::mesh_buffers::MeshBuffers;
-use super::mixture::{Mixture, MixtureImages};
+use super::mixture::{Mixture, MixtureImages, Shares};
 use super::scene_binding::{LightMaps, SceneBinding};
 use super::smooth::{self, Smooth, SmoothImages};
 use super::splat::{self, SplatImages, SplatPass};
@@ -105,6 +105,8 @@ pub struct ViewImages {
     pub bins: BinBuffers,
     pub splat: SplatImages,
     pub mixture: MixtureImages,
+    /// The same of scattering, for the camera's view.
+    pub scattering: MixtureImages,
     pub gaps: GapImages,
     pub tiles: TileLists,
     pub smooth: SmoothImages,
@@ -120,6 +122,7 @@ pub struct PreparedView {
     /// By class.
     splat: Vec<SplatPass>,
     mixture: Option<Mixture>,
+    scattering: Option<Mixture>,
     gaps: Option<Gaps>,
     tiles: Tiles,
     smooth: Option<Arc<Smooth>>,
@@ -136,6 +139,10 @@ pub struct ViewConfig {
     pub splash: bool,
     /// Draw the mixture, because the fluids differ in absorption.
     pub mixture: bool,
+    /// Draw the mixture's scattering, because the fluids differ in that.
+    pub scattering: bool,
+    /// Scattering attenuates light as absorption does: in the view of a light.
+    pub attenuates: bool,
     /// Draw the opaque scene.
     pub gbuffer: bool,
     /// A host has drawn the opaque scene: its pass fills the G-buffer.
@@ -163,6 +170,7 @@ pub struct PassNames {
     pub splat: &'static str,
     pub splashes: &'static str,
     pub mixture: &'static str,
+    pub scattering: &'static str,
     pub gaps: &'static str,
     pub tiles: &'static str,
     pub smooth: &'static str,
@@ -180,6 +188,7 @@ impl PassNames {
         splat: "splat",
         splashes: "splat splashes",
         mixture: "mixture",
+        scattering: "mixture of scattering",
         gaps: "gaps",
         tiles: "tiles",
         smooth: "smooth",
@@ -193,6 +202,7 @@ impl PassNames {
         splat: "light splat",
         splashes: "light splashes",
         mixture: "light mixture",
+        scattering: "light mixture of scattering",
         gaps: "light gaps",
         tiles: "light tiles",
         smooth: "light smooth",
@@ -212,6 +222,7 @@ impl ViewImages {
         Self {
             bins: BinBuffers::new(gpu, size),
             mixture: MixtureImages::new(gpu, used(config.mixture).0),
+            scattering: MixtureImages::new(gpu, used(config.scattering).0),
             gaps: GapImages::new(gpu, used(gaps > 0).0, sections),
             tiles: TileLists::new(gpu, size, sections),
             smooth: SmoothImages::new(gpu, &splat.aggregate),
@@ -229,6 +240,8 @@ impl ViewPasses {
             size: UVec2::ONE,
             splash: false,
             mixture: false,
+            scattering: false,
+            attenuates: false,
             gbuffer: false,
             host: false,
             levels: 1,
@@ -319,7 +332,15 @@ impl ViewPasses {
         ];
         let swell = if gaps > 0 { gaps::CLOSING } else { 1.0 };
         let kept = &mut images.bins;
-        let bins = Bins::prepare(gpu, camera, uniform, listed, swell, config.mixture, kept);
+        let bins = Bins::prepare(
+            gpu,
+            camera,
+            uniform,
+            listed,
+            swell,
+            config.mixture || config.scattering,
+            kept,
+        );
 
         let (sizes, radius) = (set.blocks.radii_differ, frame.splats.radius);
         let layers = [&images.splat.aggregate, &images.splat.splash];
@@ -328,9 +349,16 @@ impl ViewPasses {
         let drawn = splat::Drawn { backs, sizes, tags };
         let splat = |class| SplatPass::prepare(gpu, camera, &bins, class, &images.splat, drawn);
         let splat = (0..layers.len()).map(splat).collect();
+        let mixed = |images, shares: Shares| {
+            Mixture::prepare(gpu, camera, &bins, layers.len(), images, &shares, radius)
+        };
         let mixture = config.mixture.then(|| {
-            Mixture::prepare(gpu, camera, &bins, layers.len(), &images.mixture, scene, radius)
+            let shares =
+                if config.attenuates { Shares::of_attenuation } else { Shares::of_absorption };
+            mixed(&images.mixture, shares(scene))
         });
+        let scattering =
+            config.scattering.then(|| mixed(&images.scattering, Shares::of_scattering(scene)));
         let found = (gaps > 0).then(|| {
             Gaps::prepare(gpu, camera, &bins, layers, &images.gaps, (gaps, sizes), radius)
         });
@@ -358,7 +386,17 @@ impl ViewPasses {
         });
         let gbuffer = (config.gbuffer && !config.host)
             .then(|| GBuffer::prepare(gpu, camera, &self.scene, &images.gbuffer));
-        PreparedView { bins, splat, mixture, gaps: found, tiles, smooth, bounds, gbuffer }
+        PreparedView {
+            bins,
+            splat,
+            mixture,
+            scattering,
+            gaps: found,
+            tiles,
+            smooth,
+            bounds,
+            gbuffer,
+        }
     }
 
     /// Chooses the splats that this view draws: the frame's or, if some of them would show through a wall seen from
@@ -397,7 +435,8 @@ impl ViewPasses {
         timer: &mut Timer,
         names: PassNames,
     ) {
-        let PreparedView { bins, splat, mixture, gaps, tiles, smooth, bounds, gbuffer } = prepared;
+        let PreparedView { bins, splat, mixture, scattering, gaps, tiles, smooth, bounds, gbuffer } =
+            prepared;
         let Self { camera, scene, .. } = self;
         let encoder = &mut *commands.encoder;
         for (class, splat) in splat.iter().enumerate() {
@@ -407,6 +446,9 @@ impl ViewPasses {
         }
         if let Some(mixture) = mixture {
             mixture.record(encoder, camera, bins, timer.span(names.mixture));
+        }
+        if let Some(scattering) = scattering {
+            scattering.record(encoder, camera, bins, timer.span(names.scattering));
         }
         if let Some(gaps) = gaps {
             gaps.record(encoder, bins, timer.span(names.gaps));

@@ -16,6 +16,7 @@ use crate::passes::shade::Shade;
 use crate::passes::smooth;
 use crate::passes::surface::SurfacePass;
 use crate::passes::tiles::Sections;
+use crate::passes::turbid::Turbid;
 use crate::passes::view_passes::{FrameInputs, PreparedView, SplatSet, ViewConfig};
 use crate::settings::Solids;
 use crate::view_range;
@@ -47,6 +48,8 @@ pub struct PreparedFrame<'a> {
     pub(super) color: Option<Color>,
     /// Radiance of an opaque body, if it is drawn.
     pub(super) shade: Option<Shade>,
+    /// Light around a turbid liquid, if it is drawn.
+    pub(super) turbid: Option<Turbid>,
     /// The picture, if it is drawn.
     pub(super) refract: Option<Refract>,
     /// Images of the first interface, if they are drawn.
@@ -82,6 +85,8 @@ impl<'a> PreparedFrame<'a> {
             size,
             splash,
             mixture: variant.mixture,
+            scattering: variant.scattering_mixture,
+            attenuates: false,
             gbuffer: screen_solids || diagnose,
             host: host.is_some(),
             levels: if variant.mips() { mips::levels(size) } else { 1 },
@@ -113,6 +118,7 @@ impl<'a> PreparedFrame<'a> {
             mips: None,
             color: None,
             shade: None,
+            turbid: None,
             refract: None,
             surface: None,
             last,

@@ -11,7 +11,7 @@ use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
     Layers, bins, caustics, color, gaps, host, refract, scene_binding, shade, smooth, surface,
-    tiles, tonemap,
+    tiles, tonemap, turbid,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -195,6 +195,8 @@ fn passes() -> Vec<Shared> {
         ambient_paths,
         eye_depth,
         pad_eye_depth,
+        scattering,
+        pad,
     });
     let structure = rust_struct!(refract::StructureParams { structure });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded, dither, first_row });
@@ -226,6 +228,7 @@ fn passes() -> Vec<Shared> {
     let coloring = rust_struct!(color::Coloring { per_radius, low, per_range });
     let shade =
         rust_struct!(shade::Params { albedo, ior, roughness, mean_transmittance, radius, pad });
+    let turbid = rust_struct!(turbid::Params { absorption, radius, scattering, ior });
     let sections = rust_struct!(tiles::Sections { tiles, words, count });
     vec![
         (bins_params, "bins/project.wgsl", "Params"),
@@ -240,6 +243,7 @@ fn passes() -> Vec<Shared> {
         (structure, "refract/structure.wgsl", "Params"),
         (coloring, "color/means.wgsl", "Coloring"),
         (shade, "shade/around.wgsl", "Params"),
+        (turbid, "turbid/around.wgsl", "Params"),
     ]
 }
 

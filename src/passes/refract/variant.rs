@@ -1,6 +1,6 @@
 //! Specialisations of refraction.
 
-use crate::passes::mixture;
+use crate::passes::mixture::Shares;
 use crate::scene::Scene;
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 
@@ -29,6 +29,10 @@ pub struct Variant {
     pub absorption: bool,
     /// The fluids differ in absorption.
     pub mixture: bool,
+    /// The liquid scatters light.
+    pub turbid: bool,
+    /// The fluids differ in scattering.
+    pub scattering_mixture: bool,
     /// The reflectance formula.
     pub fresnel: Fresnel,
     /// Scale radiance by the square of the index.
@@ -73,8 +77,10 @@ impl Variant {
             edge_samples: settings.edge_samples,
             splash,
             bounds: settings.solver == Solver::Guarded,
-            absorption: clear && mixture::strongest(scene) > 0.0,
-            mixture: clear && mixture::is_mixed(scene),
+            absorption: clear && Shares::of_absorption(scene).strongest() > 0.0,
+            mixture: clear && Shares::of_absorption(scene).are_mixed(),
+            turbid: scene.is_turbid(),
+            scattering_mixture: clear && Shares::of_scattering(scene).are_mixed(),
             fresnel: settings.fresnel,
             radiance_scaling: settings.radiance_scaling,
             contact: clear && settings.contact > 0.0 && (host || !scene.solids.is_empty()),
@@ -167,10 +173,12 @@ impl Variant {
     }
 
     /// Switches of `refract/interfaces.wgsl`.
-    fn inner_switches(self) -> [(&'static str, f64); 6] {
+    fn inner_switches(self) -> [(&'static str, f64); 8] {
         [
             ("ABSORPTION", self.absorption),
             ("MIXTURE", self.mixture),
+            ("TURBID", self.turbid),
+            ("SCATTERING_MIXTURE", self.scattering_mixture),
             ("SCHLICK", self.fresnel == Fresnel::Schlick),
             ("RADIANCE_SCALING", self.radiance_scaling),
             ("CONTACT", self.contact),

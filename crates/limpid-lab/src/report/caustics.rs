@@ -370,6 +370,8 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         size: view.size,
         splash,
         mixture: false,
+        scattering: false,
+        attenuates: true,
         gbuffer: true,
         host: false,
         levels: 1,

@@ -1,0 +1,49 @@
+// Light on a turbid liquid: means of what the 4 x 4 pixels around each pixel have seen (turbid/around.wgsl).
+
+#import shade/packed.wgsl
+#import shade/surface.wgsl
+#import turbid/params.wgsl
+
+@group(1) @binding(5) var around: texture_2d<u32>;
+// On the first surface, on the last, and of a wet solid.
+@group(1) @binding(6) var light: texture_storage_2d<rgba32uint, write>;
+
+// How far pixels of one surface lie off its plane, in particle radii.
+const OFF_PLANE: f32 = 1.0;
+
+@compute @workgroup_size(8, 8)
+fn average(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let p = texel_of(group, local);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    let body = body_at(p);
+    if plane_is_empty(body.front) {
+        return;
+    }
+    var near = vec3f(0.0);
+    var bounced = vec3f(0.0);
+    var far = vec3f(0.0);
+    var ground = vec3f(0.0);
+    var weight = 0.0;
+    let last = vec2i(camera.size) - 1;
+    let most = OFF_PLANE * params.radius + camera_pixel_side(body.position);
+    for (var i = 0; i < 16; i++) {
+        let texel = clamp(p + vec2i(i & 3, i >> 2u) - 2, vec2i(0), last);
+        let bits = textureLoad(around, texel, 0);
+        let omega = camera_omega(vec2f(texel) + 0.5);
+        // Beside the liquid's tiles `around` has what it had.
+        let front = front_at(texel);
+        let disparity = max(dot(front, omega), 1e-20);
+        let is_same = !plane_is_empty(front) && abs(depth_below(body.front, omega, disparity)) <= most;
+        let share = select(0.0, 1.0, is_same);
+        near += share * unpacked_rgb(bits.x);
+        bounced += share * unpacked_shares(bits.y);
+        far += share * unpacked_rgb(bits.z);
+        ground += share * unpacked_rgb(bits.w);
+        weight += share;
+    }
+    let inverse = 1.0 / max(weight, 1.0);
+    let on_front = bounced_light(inverse * near, inverse * bounced);
+    textureStore(light, p, vec4u(packed_rgb(on_front), packed_rgb(inverse * far), packed_rgb(inverse * ground), 0u));
+}
