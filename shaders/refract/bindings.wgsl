@@ -14,6 +14,9 @@ struct Params {
     ambient_paths: vec2f,  // lengths of these paths per metre of depth
     eye_depth: f32,        // depth of the eye below the liquid's surface, m; 0 outside
     scattering: vec3f,     // 1/m; likewise
+    anisotropy: f32,       // mean cosine of scattering
+    mean_transmittance: f32, // of the surface, for light from everywhere outside
+    radius: f32,           // of particles, m
 }
 
 @group(1) @binding(0) var<uniform> params: Params;

@@ -20,6 +20,7 @@
 #import refract/looks.wgsl
 #import refract/slabs.wgsl
 #import refract/turbid.wgsl
+#import refract/turbid_lights.wgsl
 
 override ABSORPTION: bool = true;         // any absorption component is above 0
 override MIXTURE: bool = false;           // there are fluids of different absorption
@@ -60,8 +61,12 @@ fn absorption_between(o: vec3f, x: vec3f) -> vec3f {
 fn ambient_at(x: vec3f, depth: f32) -> vec3f {
     let up = camera_view_direction(vec3f(0.0, 1.0, 0.0));
     let absorption = absorption_between(x, x + depth * up);
-    return params.ambient_shares.x * optics_transmittance(absorption, params.ambient_paths.x * depth)
+    let ambient = params.ambient_shares.x * optics_transmittance(absorption, params.ambient_paths.x * depth)
         + params.ambient_shares.y * optics_transmittance(absorption, params.ambient_paths.y * depth);
+    if TURBID {
+        return ambient * scattering_lets_through(scattering_between(x, x + depth * up), depth);
+    }
+    return ambient;
 }
 
 fn mixture_at(x: vec3f) -> vec3f {
@@ -288,8 +293,9 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
     var height = params.eye_depth;
     // Of a turbid liquid: the light around the interval, the last interval, and the ray's cosine at its start.
     var light: Around;
-    var interval = Interval(vec3f(1.0), vec3f(0.0), vec3f(0.0));
+    var interval = Passage(vec3f(1.0), vec3f(0.0), vec3f(0.0));
     var cosine = 1.0;
+    var entry_normal = -d;
     if TURBID && inside {
         light = light_around(texel);
     }
@@ -346,6 +352,22 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                         let scattering = scattering_between(o, end);
                         interval = interval_of(absorption, scattering, distance(o, end), cosine, light, wet, scale);
                         result += weight * interval.added;
+                        if LIGHTS > 0u {
+                            let extinction = absorption + scattering;
+                            let lit = LitInterval(
+                                camera_world_point(o),
+                                camera_world_direction(d),
+                                distance(o, end),
+                                cosine,
+                                camera_world_direction(entry_normal),
+                                camera_world_direction(-interface_normal(hit, d)),
+                                wet,
+                                extinction,
+                                scattering / max(extinction, vec3f(1e-20)),
+                                params.radius,
+                            );
+                            result += weight * lights_scattered(lit);
+                        }
                         weight *= interval.passed;
                     } else if ABSORPTION {
                         weight *= transmittance_between(o, select(hit.position, o + solid.t * d, wet));
@@ -397,8 +419,9 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             }
             if TURBID {
                 cosine = select(cos_theta_t, cos_theta_i, bounce);
+                entry_normal = select(n, -n, inside);
                 if bounce {
-                    light = Around(light.far, light.near, light.ground);
+                    light = Around(light.far, light.near, light.ground, light.curvature);
                 } else if !inside {
                     light = light_around(hit.texel);
                 }

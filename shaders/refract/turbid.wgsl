@@ -15,10 +15,11 @@ struct Around {
     near: vec3f,   // at its start
     far: vec3f,    // at its end
     ground: vec3f, // of a wet solid at its end
+    curvature: f32, // mean curvature of the liquid's surface, 1/m
 }
 
 // What an interval does to light.
-struct Interval {
+struct Passage {
     passed: vec3f,   // share that is neither absorbed nor scattered
     added: vec3f,    // scattered light
     returned: vec3f, // the same of the way back
@@ -26,7 +27,7 @@ struct Interval {
 
 fn light_around(texel: vec2i) -> Around {
     let bits = textureLoad(turbid_light, clamp(texel, vec2i(0), vec2i(camera.size) - 1), 0);
-    return Around(unpacked_rgb(bits.x), unpacked_rgb(bits.y), unpacked_rgb(bits.z));
+    return Around(unpacked_rgb(bits.x), unpacked_rgb(bits.y), unpacked_rgb(bits.z), bitcast<f32>(bits.w));
 }
 
 // Sums of a mixture at a point's pixel.
@@ -47,6 +48,21 @@ fn scattering_between(o: vec3f, x: vec3f) -> vec3f {
     return scattering;
 }
 
+// Share of even light that scattering lets down to a depth: by diffusion without absorption, from a source one mean free
+// path deep to a black floor (Ishimaru 1978, chapter 9).
+fn scattering_lets_through(scattering: vec3f, depth: f32) -> vec3f {
+    return 1.0 / (1.0 + 0.75 * (1.0 - params.anisotropy) * scattering * depth);
+}
+
+// Thickness of the slab that stands for the liquid around an interval. In even light a body that absorbs little takes as
+// much as a slab twice as thick as the body's volume over its surface: half a cylinder's diameter, a third of a ball's.
+fn slab_thickness(length: f32, cosine: f32, curvature: f32) -> f32 {
+    let bent = curvature * length;
+    // Of level liquid, and of a ball.
+    let across = length * pow(cosine, (1.0 - bent) / (1.0 + bent));
+    return across / (1.0 + curvature * across);
+}
+
 // The interval of `length` metres of a ray whose cosine with the normal at its start is `cosine`.
 fn interval_of(
     absorption: vec3f,
@@ -56,16 +72,16 @@ fn interval_of(
     light: Around,
     wet: bool,
     scale: f32,
-) -> Interval {
+) -> Passage {
     let extinction = absorption + scattering;
     let albedo = scattering / max(extinction, vec3f(1e-20));
-    let slab = slab_light(SCATTERED, extinction * length * cosine, cosine, albedo);
+    let slab = slab_light(SCATTERED, extinction * slab_thickness(length, cosine, light.curvature), cosine, albedo);
     let passed = optics_transmittance(extinction, length);
     let taken = 1.0 - passed;
     if wet {
-        return Interval(passed, taken * (scale * slab.near_wet * light.near + slab.far_wet * light.ground), vec3f(0.0));
+        return Passage(passed, taken * (scale * slab.near_wet * light.near + slab.far_wet * light.ground), vec3f(0.0));
     }
-    return Interval(
+    return Passage(
         passed,
         taken * scale * (slab.near * light.near + slab.far * light.far),
         taken * scale * (slab.near * light.far + slab.far * light.near),

@@ -24,6 +24,18 @@ fn front_at(texel: vec2i) -> vec3f {
     return front;
 }
 
+// Last plane of liquid at a texel.
+fn back_at(texel: vec2i) -> vec3f {
+    var back = textureLoad(aggregate_layers, texel, BACK$level).xyz;
+    if SPLASH {
+        let omega = camera_omega(vec2f(texel) + 0.5);
+        let splash = textureLoad(splash_layers, texel, BACK$level).xyz;
+        let is_farther = plane_is_empty(back) || dot(splash, omega) < dot(back, omega);
+        back = select(back, splash, !plane_is_empty(splash) && is_farther);
+    }
+    return back;
+}
+
 // The surface at a texel's centre.
 struct Body {
     front: vec3f,     // plane; empty if there is none

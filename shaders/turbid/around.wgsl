@@ -25,18 +25,6 @@ fn share_of(sums: vec4f) -> vec3f {
     return sums.rgb / max(sums.a, 1e-3);
 }
 
-// Last plane of liquid at a texel.
-fn back_at(texel: vec2i) -> vec3f {
-    var back = textureLoad(aggregate_layers, texel, BACK$level).xyz;
-    if SPLASH {
-        let omega = camera_omega(vec2f(texel) + 0.5);
-        let splash = textureLoad(splash_layers, texel, BACK$level).xyz;
-        let is_farther = plane_is_empty(back) || dot(splash, omega) < dot(back, omega);
-        back = select(back, splash, !plane_is_empty(splash) && is_farther);
-    }
-    return back;
-}
-
 // Share of light that the liquid at a texel does not absorb.
 fn left_by(texel: vec2i) -> vec3f {
     let omega = camera_omega(vec2f(texel) + 0.5);

@@ -5,11 +5,37 @@
 #import turbid/params.wgsl
 
 @group(1) @binding(5) var around: texture_2d<u32>;
-// On the first surface, on the last, and of a wet solid.
+// On the first surface, on the last, and of a wet solid; mean curvature of the first, 1/m.
 @group(1) @binding(6) var light: texture_storage_2d<rgba32uint, write>;
 
 // How far pixels of one surface lie off its plane, in particle radii.
 const OFF_PLANE: f32 = 1.0;
+
+// Way across the surface over which its curvature is measured, as a share of the liquid's thickness.
+const CURVED_OVER: f32 = 0.35;
+// Most pixels on either side.
+const MOST_PIXELS: f32 = 64.0;
+
+// Mean curvature of the first surface, 1/m; 0 where it is hollow. Finer waves than the liquid is thick count as flat.
+fn mean_curvature(p: vec2i, body: Body) -> f32 {
+    let last = vec2i(camera.size) - 1;
+    let thickness = depth_below(body.front, body.omega, max(dot(back_at(p), body.omega), 1e-20));
+    let way = CURVED_OVER * thickness;
+    let pixels = i32(clamp(way / camera_pixel_side(body.position), 1.0, MOST_PIXELS));
+    var sum = 0.0;
+    var weight = 0.0;
+    for (var i = 0; i < 4; i++) {
+        let step = select(vec2i(pixels, 0), vec2i(0, pixels), i >= 2) * select(1, -1, (i & 1) == 1);
+        let there = body_at(clamp(p + step, vec2i(0), last));
+        let offset = there.position - body.position;
+        let distance2 = dot(offset, offset);
+        let is_same = !plane_is_empty(there.front) && distance2 < 16.0 * way * way && distance2 > 0.0;
+        let bend = dot(there.normal - body.normal, offset) / max(distance2, 1e-20);
+        sum += select(0.0, bend, is_same);
+        weight += select(0.0, 1.0, is_same);
+    }
+    return max(sum / max(weight, 1.0), 0.0);
+}
 
 @compute @workgroup_size(8, 8)
 fn average(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
@@ -45,5 +71,5 @@ fn average(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     }
     let inverse = 1.0 / max(weight, 1.0);
     let on_front = bounced_light(inverse * near, inverse * bounced);
-    textureStore(light, p, vec4u(packed_rgb(on_front), packed_rgb(inverse * far), packed_rgb(inverse * ground), 0u));
+    textureStore(light, p, vec4u(packed_rgb(on_front), packed_rgb(inverse * far), packed_rgb(inverse * ground), bitcast<u32>(mean_curvature(p, body))));
 }

@@ -6,7 +6,7 @@
 
 const THICKNESSES: u32 = 27u;   // optical thicknesses, half octaves from THINNEST
 const COSINES: u32 = 8u;        // directions inside, from the critical angle to the normal
-const ALBEDOS: u32 = 16u;       // even steps of the root of 1 - albedo
+const ALBEDOS: u32 = 32u;       // even steps of the root of 1 - albedo
 const THINNEST: f32 = 0.015625;
 
 // Parts of the table: all scattered light, and that which is scattered more than once.
@@ -27,15 +27,21 @@ fn slab_scattered(part: u32, thickness: f32, cosine: f32, albedo: f32) -> vec4f 
     let base = vec3u(at);
     let f = at - vec3f(base);
     let row = (part * ALBEDOS + base.z) * COSINES + base.y;
-    var sum = vec4f(0.0);
+    var thinner = vec4f(0.0);
+    var thicker = vec4f(0.0);
     for (var k = 0u; k < 4u; k++) {
         let y = row + (k & 1u) + (k >> 1u) * COSINES;
         let weight = select(1.0 - f.y, f.y, (k & 1u) == 1u) * select(1.0 - f.z, f.z, k >= 2u);
-        let thinner = textureLoad(slab_table, vec2u(base.x, y), 0);
-        let thicker = textureLoad(slab_table, vec2u(base.x + 1u, y), 0);
-        sum += weight * mix(thinner, thicker, f.x);
+        thinner += weight * textureLoad(slab_table, vec2u(base.x, y), 0);
+        thicker += weight * textureLoad(slab_table, vec2u(base.x + 1u, y), 0);
     }
-    return sum;
+    // Light from the far side falls off exponentially. Both sides together are even, and 1 without absorption.
+    let start = THINNEST * exp2(0.5 * f32(base.x));
+    let share = clamp((thickness / start - 1.0) / (sqrt(2.0) - 1.0), 0.0, 1.0);
+    let least = vec2f(1e-20);
+    let far = exp2(mix(log2(max(thinner.yw, least)), log2(max(thicker.yw, least)), share));
+    let near = mix(thinner.xz + thinner.yw, thicker.xz + thicker.yw, f.x) - far;
+    return vec4f(near.x, far.x, near.y, far.y);
 }
 
 // The same for red, green and blue light, by the light on the side where the ray enters.

@@ -89,6 +89,7 @@ pub const RENDERER: Library = Library {
         ("shade/looks.wgsl", include_str!("../../shaders/shade/looks.wgsl")),
         ("shade/material.wgsl", include_str!("../../shaders/shade/material.wgsl")),
         ("shade/packed.wgsl", include_str!("../../shaders/shade/packed.wgsl")),
+        ("refract/turbid_lights.wgsl", include_str!("../../shaders/refract/turbid_lights.wgsl")),
         ("refract/turbid.wgsl", include_str!("../../shaders/refract/turbid.wgsl")),
         ("shade/around.wgsl", include_str!("../../shaders/shade/around.wgsl")),
         ("shade/body.wgsl", include_str!("../../shaders/shade/body.wgsl")),

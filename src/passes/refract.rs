@@ -10,7 +10,7 @@ use glam::UVec2;
 use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
-use super::mixture::Shares;
+use super::mixture::{self, Shares};
 use super::tiles::TileLists;
 use super::turbid::{self, TurbidImages};
 use super::view_passes::ViewPasses;
@@ -47,8 +47,14 @@ pub struct Params {
     pub pad_eye_depth: [u32; 3],
     /// Scattering, 1/m; with several fluids, the scale of the mixture's scattering.
     pub scattering: [f32; 3],
+    /// Mean cosine of scattering.
+    pub anisotropy: f32,
+    /// Share of light from everywhere outside that enters a turbid liquid.
+    pub mean_transmittance: f32,
+    /// Radius of particles, m.
+    pub radius: f32,
     /// Padding.
-    pub pad: u32,
+    pub pad: [u32; 2],
 }
 
 /// Group 1 of the passes over pixels: the names of `refract/bindings.wgsl`, in its order.
@@ -490,7 +496,10 @@ impl Params {
             eye_depth: 0.0,
             pad_eye_depth: [0; 3],
             scattering,
-            pad: 0,
+            anisotropy: mixture::anisotropy(scene),
+            mean_transmittance: turbid::slab::mean_transmittance(scene.liquid.ior.into()) as f32,
+            radius,
+            pad: [0; 2],
         }
     }
 

@@ -196,6 +196,9 @@ fn passes() -> Vec<Shared> {
         eye_depth,
         pad_eye_depth,
         scattering,
+        anisotropy,
+        mean_transmittance,
+        radius,
         pad,
     });
     let structure = rust_struct!(refract::StructureParams { structure });

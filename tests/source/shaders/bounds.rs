@@ -4,7 +4,7 @@ use super::library::KnownLoop;
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-pub(super) const LOOPS: [KnownLoop; 187] = [
+pub(super) const LOOPS: [KnownLoop; 191] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -124,10 +124,14 @@ pub(super) const LOOPS: [KnownLoop; 187] = [
     ("shade/body.wgsl", "around_of", "for (var i = 0; i < 16; i++)", "a constant"),
     ("shade/body.wgsl", "own_light", "for (var i = 0; i < select(0, AROUND, point.inside); i++)", "a constant"),
     ("shade/body.wgsl", "shade_body", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
+    ("refract/turbid_lights.wgsl", "depth_in_light", "for (var i = 0; i < select(0, AROUND, point.inside); i++)", "a constant"),
+    ("refract/turbid_lights.wgsl", "lights_scattered", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
+    ("refract/turbid_lights.wgsl", "light_scattered", "for (var k = 0u; k < LIT_PLACES; k++)", "a constant"),
     ("turbid/slab.wgsl", "slab_scattered", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("turbid/slab.wgsl", "slab_light", "for (var c = 0; c < 3; c++)", "a constant"),
     ("turbid/around.wgsl", "look_around", "for (var i = 0u; i < DIRECTIONS; i++)", "a constant"),
     ("turbid/around.wgsl", "look_around", "for (var i = 0u; i < BACK_DIRECTIONS; i++)", "a constant"),
+    ("turbid/means.wgsl", "mean_curvature", "for (var i = 0; i < 4; i++)", "a constant"),
     ("turbid/means.wgsl", "average", "for (var i = 0; i < 16; i++)", "a constant"),
     ("mixture/sums.wgsl", "draw", "for (var base = entries.begin; base < entries.inner_end; base += THREADS)", "the splats of a tile's list"),
     ("mixture/sums.wgsl", "draw", "for (var k = 0u; k < min(THREADS, entries.inner_end - base); k++)", "the splats of a tile's list"),

@@ -20,3 +20,4 @@ mod stability;
 #[path = "../../../../tests/support/mod.rs"]
 mod support;
 mod truth;
+mod turbid;
