@@ -8,6 +8,7 @@ use limpid::look::Look;
 use limpid_io::adjustments::{Adjustments, Floor, Sun, Tint};
 use limpid_io::color_by::{Attribute, ColorRange, MapName};
 use limpid_io::frames::FrameSpec;
+use limpid_io::media::MediumName;
 use limpid_io::particles::{AttributeMap, ReadOptions, Selection};
 use limpid_io::sequence::Sequence;
 
@@ -128,6 +129,13 @@ pub(crate) struct SceneChanges {
     /// same for every frame [default: auto].
     #[arg(long, allow_hyphen_values = true, value_name = "LOW:HIGH")]
     range: Option<ColorRange>,
+    /// Medium with measured coefficients: milk, skimmed-milk, muddy-river, sea, coffee, orange-juice, blood or
+    /// honey. The body looks as one that is 1 m thick.
+    #[arg(long, value_name = "NAME", conflicts_with = "tint")]
+    medium: Option<MediumName>,
+    /// The medium keeps its coefficients, whatever the size of the body.
+    #[arg(long, requires = "medium")]
+    physical: bool,
     /// The axis that points up in the files: y or z.
     #[arg(long, value_parser = parse_up)]
     up: Option<Up>,
@@ -139,7 +147,21 @@ pub(crate) struct SceneChanges {
 impl SceneChanges {
     /// The changes, with the rate of the sequence.
     pub(crate) fn adjustments(&self, fps: Option<f64>) -> Adjustments {
-        let Self { look, sky, sun, floor, ior, tint, colormap, range, up, scale, .. } = *self;
+        let Self {
+            look,
+            sky,
+            sun,
+            floor,
+            ior,
+            tint,
+            colormap,
+            range,
+            medium,
+            physical,
+            up,
+            scale,
+            ..
+        } = *self;
         let (color_by, color_range) = (self.color_by.clone(), range);
         Adjustments {
             look,
@@ -151,6 +173,8 @@ impl SceneChanges {
             color_by,
             colormap,
             color_range,
+            medium,
+            physical,
             up,
             scale,
             fps,

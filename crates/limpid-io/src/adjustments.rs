@@ -15,6 +15,7 @@ use limpid::look::{Body, Look};
 use limpid::scene::{Light, Liquid, Scene, Shape};
 
 pub use crate::floor::Floor;
+use crate::media::MediumName;
 
 /// The changes to a scene that are made most often. Each replaces what the scene has.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -39,6 +40,11 @@ pub struct Adjustments {
     pub colormap: Option<MapName>,
     /// The range of the map.
     pub color_range: Option<ColorRange>,
+    /// The medium. Its coefficients are scaled to the body as those of a look are.
+    pub medium: Option<MediumName>,
+    /// Whether the medium keeps its measured coefficients.
+    #[serde(default)]
+    pub physical: bool,
     /// The axis of the files that points up.
     pub up: Option<Up>,
     /// Length of the files' unit, m.
@@ -181,6 +187,7 @@ impl Adjustments {
             ("color-by", self.color_by.as_ref().map(ToString::to_string)),
             ("colormap", self.colormap.map(|map| map.to_string())),
             ("range", self.color_range.map(|range| range.to_string())),
+            ("medium", self.medium.map(|medium| medium.to_string())),
             ("up", self.up.map(|axis| up(axis).to_owned())),
             ("scale", self.scale.map(|scale| scale.to_string())),
         ];
@@ -189,7 +196,8 @@ impl Adjustments {
 
     /// Whether the changes depend on the body of liquid.
     pub(crate) fn need_body(&self) -> bool {
-        self.sky.is_some() || matches!(self.tint, Some(Tint::Color(_)))
+        let scaled = self.medium.is_some() && !self.physical;
+        self.sky.is_some() || scaled || matches!(self.tint, Some(Tint::Color(_)))
     }
 
     /// Makes the liquid opaque if its look is paint or an attribute colours it, and sets the attribute, its map and its
@@ -233,6 +241,15 @@ impl Adjustments {
     pub(crate) fn apply(&self, project: &mut Project, body: Option<&Body>) -> Result<()> {
         self.color(project)?;
         let Project { scene, motion, .. } = project;
+        if let Some(medium) = self.medium {
+            if scene.is_opaque() {
+                let problem = "an opaque liquid shows no medium: leave out the medium, or the attribute, the look or the \
+                               kind that makes it opaque";
+                return Err(Error::Usage(problem.into()));
+            }
+            let thickness = body.filter(|_| !self.physical).map_or(1.0, Body::thickness);
+            scene.liquid = medium.liquid(thickness as f32);
+        }
         if let Some(ior) = self.ior {
             scene.liquid.ior = ior;
         }

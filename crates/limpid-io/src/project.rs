@@ -27,12 +27,13 @@ use serde::{Deserialize, Serialize};
 use crate::camera_axes::CameraAxes;
 use crate::color_by::ColorBy;
 use crate::error::{Error, Result};
+use crate::media::MediumName;
 use crate::particles::{AttributeMap, Selection};
 use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
-use limpid::scene::{Kind, Scene, Shape};
+use limpid::scene::{Kind, Liquid, Scene, Shape};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -77,6 +78,8 @@ pub struct Automatic {
     pub light: bool,
     /// Whether it provides the absorption.
     pub absorption: bool,
+    /// The medium that it scales to the body.
+    pub medium: Option<MediumName>,
     /// Whether it provides the settings of the caustics.
     pub caustics: bool,
     /// Whether it provides the tone mapping.
@@ -95,6 +98,7 @@ impl Automatic {
             height: None,
             light: true,
             absorption: true,
+            medium: None,
             caustics: true,
             tonemap: true,
             patterns: true,
@@ -127,6 +131,10 @@ impl Automatic {
             scene.liquid = look.liquid;
         } else if self.absorption {
             scene.liquid.absorption = look.liquid.absorption;
+        }
+        if let Some(medium) = self.medium {
+            let scaled = medium.liquid(body.thickness() as f32);
+            scene.liquid = Liquid { ior: scene.liquid.ior, ..scaled };
         }
         if self.caustics {
             scene.settings.caustics = look.settings.caustics;

@@ -3,7 +3,6 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
@@ -211,6 +210,9 @@ impl Project {
         let mut liquid = LiquidFile::of(&scene.liquid, self.color_by.as_ref());
         liquid.absorption =
             liquid.absorption.filter(|_| !provides(|automatic| automatic.absorption));
+        if let Some(name) = automatic.and_then(|automatic| automatic.medium) {
+            liquid = LiquidFile { ior: liquid.ior, ..LiquidFile::named(name) };
+        }
         let solids = scene.solids[..self.own_solids()].iter().enumerate();
         let solids = solids.map(|(i, solid)| SolidFile::of(solid, motion.of(i), solid_files));
         let (mut particles, mut fluid) = (None, Vec::new());
@@ -409,7 +411,8 @@ fn automatic(file: &SceneFile, table: &toml::Table) -> Option<Automatic> {
         ground: true,
         height: None,
         light: file.light.is_empty(),
-        absorption: file.liquid.absorption.is_none() && file.liquid.color.is_none(),
+        absorption: file.liquid.provides_no_medium(),
+        medium: file.liquid.medium_alone(),
         caustics: lacks("caustics"),
         tonemap: lacks("tonemap"),
         patterns: patterns.is_none(),

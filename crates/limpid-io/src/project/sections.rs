@@ -213,6 +213,22 @@ impl LiquidFile {
         Ok((new.validated()?, by))
     }
 
+    /// A medium by name.
+    pub(super) fn named(medium: MediumName) -> Self {
+        Self { medium: Some(medium), ..Self::default() }
+    }
+
+    /// The medium, if it has its own coefficients.
+    pub(super) fn medium_alone(&self) -> Option<MediumName> {
+        let given = self.absorption.is_some() || self.color.is_some() || self.scattering.is_some();
+        self.medium.filter(|_| !given)
+    }
+
+    /// Whether it says nothing about absorption.
+    pub(super) fn provides_no_medium(&self) -> bool {
+        self.absorption.is_none() && self.color.is_none() && self.medium.is_none()
+    }
+
     /// Data are shown by opaque bodies, unless it says otherwise.
     fn is_opaque(&self) -> bool {
         match self.kind {

@@ -74,6 +74,9 @@ pub fn command_line(
             option("set", format!("fluid.{number}.absorption={}", vector(new.absorption)));
         }
     }
+    if source.adjustments.physical {
+        words.push("--physical".to_owned());
+    }
     words.push("-o".to_owned());
     words.push(quoted(output));
     words.join(" ")

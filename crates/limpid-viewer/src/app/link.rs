@@ -67,6 +67,8 @@ pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
             "sun" => adjusted.sun = Some(parsed(name, value)?),
             "floor" => adjusted.floor = Some(parsed(name, value)?),
             "ior" => adjusted.ior = Some(parsed(name, value)?),
+            "medium" => adjusted.medium = Some(parsed(name, value)?),
+            "physical" => adjusted.physical = value != "false" && value != "0",
             "tint" => adjusted.tint = Some(parsed(name, value)?),
             "color-by" => adjusted.color_by = Some(value.into()),
             "colormap" => adjusted.colormap = Some(parsed(name, value)?),
@@ -141,6 +143,7 @@ pub(crate) fn query(viewer: &Viewer) -> Option<String> {
         Missing::Hold => pairs.push(("missing", "hold".into())),
     }
     pairs.extend(source.adjustments.arguments());
+    pairs.extend(source.adjustments.physical.then(|| ("physical", "true".to_owned())));
     pairs.extend(source.adjustments.fps.map(|fps| ("fps", fps.to_string())));
     pairs.extend(source.overrides.iter().map(|set| ("set", set.clone())));
     let (plain, edited) = (&document.project.scene, viewer.stage.editing.scene());
