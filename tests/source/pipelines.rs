@@ -190,6 +190,25 @@ fn opaque_bodies_are_valid() {
     }
 }
 
+/// Turbid liquids are valid: one fluid and several, in light and without.
+#[test]
+fn turbid_liquids_are_valid() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    let medium = |scattering| Medium { absorption: Vec3::X, scattering, anisotropy: 0.5 };
+    for fluids in [vec![], vec![medium(Vec3::X), medium(Vec3::ONE)]] {
+        for (splashes, lights, solids) in [(0, vec![], vec![]), (3, lights(), solids())] {
+            let liquid = Liquid::default().with(medium(Vec3::ONE));
+            let (fluids, count) = (fluids.clone(), fluids.len());
+            let scene = Scene { liquid, fluids, solids, lights, ..scene() };
+            let splats = splats(5, splashes);
+            let input = FrameInput::new(&scene, &camera(), &splats, UVec2::new(33, 17));
+            device.render(&mut renderer, FrameInput { diagnose: splashes > 0, ..input });
+            assert_eq!(device.errors(), [""; 0], "{count} fluids, {splashes} splashes");
+        }
+    }
+}
+
 /// Each setting that affects compilation or recording is valid, with and without diagnostics.
 #[test]
 fn every_setting_is_valid() {

@@ -247,6 +247,10 @@ impl Adjustments {
                                kind that makes it opaque";
                 return Err(Error::Usage(problem.into()));
             }
+            if !scene.fluids.is_empty() {
+                let problem = "the scene has several fluids; give each [[fluid]] its medium";
+                return Err(Error::Usage(problem.into()));
+            }
             let thickness = body.filter(|_| !self.physical).map_or(1.0, Body::thickness);
             scene.liquid = medium.liquid(thickness as f32);
         }

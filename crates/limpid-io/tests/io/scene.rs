@@ -14,6 +14,7 @@ mod reading;
 mod saving;
 mod settings;
 mod shapes;
+mod turbid;
 
 use std::path::Path;
 

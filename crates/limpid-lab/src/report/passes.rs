@@ -134,7 +134,7 @@ struct Work(&'static str, fn(&Counts) -> f64, f64, f64);
 /// The cost model. A plane is 16 bytes, a splat 48, as in the shaders. Operations are counted from
 /// the shaders: an addition, multiplication or comparison is one; a division, root or exponential
 /// four.
-const MODEL: [Work; 45] = [
+const MODEL: [Work; 47] = [
     // Each splat is read, bounded and placed once; each of its pixels is intersected for both sides at
     // once. Each texel is written once, with the plane of the splat that was found.
     Work("splat", |c| c.aggregates, 48.0 + 64.0, 300.0),
@@ -170,6 +170,10 @@ const MODEL: [Work; 45] = [
     Work("mips", |c| c.sides * c.classes * c.pixels, 16.0 * 5.0 / 3.0, 20.0),
     // Both sides are read once, and evaluated at the centre.
     Work("bounds", |c| c.sides * c.classes * c.liquid_pixels, 16.0, 20.0),
+    // Planes are read, and light is written and averaged; a pixel looks along two directions over 12 steps, and along two
+    // more past the liquid.
+    Work("turbid", |c| c.liquid_pixels, 16.0 * 5.0, 2.0 * 12.0 * 30.0),
+    Work("turbid", |c| c.liquid_pixels * c.solids, 0.0, 4.0 * 28.0),
     // Every plane is read and every pixel written once. A ray is refracted and its reflection
     // computed at each interface; each evaluation of a layer covers front and back.
     Work("refract", |c| c.sides * c.classes * c.liquid_pixels, 16.0, 0.0),
