@@ -26,6 +26,7 @@ use crate::model::views::View;
 
 /// What the user wants of the viewer.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "few of them exist at a time")]
 pub(crate) enum Command {
     /// The action of a button.
     Act(Action),
