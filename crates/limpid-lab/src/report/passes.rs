@@ -170,10 +170,10 @@ const MODEL: [Work; 47] = [
     Work("mips", |c| c.sides * c.classes * c.pixels, 16.0 * 5.0 / 3.0, 20.0),
     // Both sides are read once, and evaluated at the centre.
     Work("bounds", |c| c.sides * c.classes * c.liquid_pixels, 16.0, 20.0),
-    // Planes are read, and light is written and averaged; a pixel looks along two directions over 12 steps, and along two
+    // Planes are read, and light is written and averaged; a pixel looks along one direction over 12 steps, and along two
     // more past the liquid.
-    Work("turbid", |c| c.liquid_pixels, 16.0 * 5.0, 2.0 * 12.0 * 30.0),
-    Work("turbid", |c| c.liquid_pixels * c.solids, 0.0, 4.0 * 28.0),
+    Work("turbid", |c| c.liquid_pixels, 16.0 * 5.0, 12.0 * 30.0),
+    Work("turbid", |c| c.liquid_pixels * c.solids, 0.0, 3.0 * 28.0),
     // Every plane is read and every pixel written once. A ray is refracted and its reflection
     // computed at each interface; each evaluation of a layer covers front and back.
     Work("refract", |c| c.sides * c.classes * c.liquid_pixels, 16.0, 0.0),
