@@ -471,8 +471,8 @@ impl Medium {
         if !is_coefficient(self.scattering) {
             return Some("scattering must not be negative");
         }
-        (!(self.anisotropy.abs() <= MAX_ANISOTROPY))
-            .then_some("anisotropy must be between -0.99 and 0.99")
+        let is_drawable = (-MAX_ANISOTROPY..=MAX_ANISOTROPY).contains(&self.anisotropy);
+        (!is_drawable).then_some("anisotropy must be between -0.99 and 0.99")
     }
 }
 
