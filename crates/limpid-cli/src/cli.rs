@@ -41,7 +41,7 @@ enum Command {
     Bake(bake::Args),
     /// Open a viewer window: play, orbit, adjust settings, save.
     #[command(after_help = VIEW_EXAMPLES)]
-    View(view::Args),
+    View(Box<view::Args>),
     /// Print the scene of an input as a file to edit, with the automatic parts filled in.
     #[command(after_help = SCENE_EXAMPLES)]
     Scene(Box<scene::Args>),
@@ -103,7 +103,7 @@ pub(crate) fn run(arguments: &[OsString]) -> anyhow::Result<u8> {
     match command {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
-        Command::View(args) => view::run(args),
+        Command::View(args) => view::run(*args),
         Command::Scene(args) => scene::run(&args),
         Command::Settings(args) => settings::run(&args),
         Command::Info(args) => info::run(&args),

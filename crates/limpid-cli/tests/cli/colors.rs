@@ -74,7 +74,9 @@ fn one_command_colors_a_sequence() {
         return;
     }
     let folder = folder();
-    ["hot", "out"].map(|name| fs::create_dir(folder.path().join(name)).unwrap());
+    for name in ["hot", "out"] {
+        fs::create_dir(folder.path().join(name)).unwrap();
+    }
     for frame in 1..=3u8 {
         let path = folder.path().join(format!("hot/h_{frame}.csv"));
         write_body(&path, |x| 20.0 + 10.0 * x * f32::from(frame));
