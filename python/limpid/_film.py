@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Iterable, Iterator, Sequence, Sized
-from types import TracebackType
 from typing import Any
 
 import numpy.typing as npt
 
 from . import _limpid
 from ._arrays import radius_of, samples_of, size_of, up_of
+from ._closing import Closing
 from ._drawing import Drawing, SceneLike, scene_of
 from ._limpid import Camera
 from ._particles import Particles
@@ -19,7 +19,7 @@ from ._picture import Picture
 from ._world import PathLike
 
 
-class Film(Iterator[Picture]):
+class Film(Closing, Iterator[Picture]):
     """The pictures of a film that is being written: see `Renderer.film`."""
 
     def __init__(
@@ -133,17 +133,6 @@ class Film(Iterator[Picture]):
         if self._file is not None:
             file, self._file = self._file, None
             file.abandon()
-
-    def __enter__(self) -> Film:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __del__(self) -> None:
         if getattr(self, "_file", None) is not None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import os
 import threading
-from collections.abc import Iterable, Sequence
-from types import TracebackType
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from ._arrays import size_of
+from ._closing import Closing
 from ._drawing import Drawing, SceneLike
 from ._errors import Error
 from ._film import Film
@@ -21,7 +23,7 @@ from ._picture import Picture
 from ._world import PathLike
 
 
-class Renderer:
+class Renderer(Closing):
     """A graphics device with its compiled pipelines.
 
     Close it, or use it in a ``with`` statement. Any number of threads may use it at once.
@@ -51,17 +53,6 @@ class Renderer:
     def close(self) -> None:
         """Closes the device; pictures stay as they are."""
         self._drawing.close()
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         try:
@@ -290,44 +281,29 @@ _default: Renderer | None = None
 _default_lock = threading.Lock()
 
 
-def render(
-    positions: npt.ArrayLike | Particles,
-    *,
-    radius: npt.ArrayLike | None = None,
-    velocities: npt.ArrayLike | None = None,
-    ids: npt.ArrayLike | None = None,
-    ellipsoids: npt.ArrayLike | None = None,
-    colors: npt.ArrayLike | None = None,
-    scene: SceneLike | None = None,
-    camera: Camera | None = None,
-    size: Sequence[int] = (1024, 768),
-    samples: int | None = None,
-    aovs: Iterable[str] = (),
-    alpha: bool = False,
-    up: str | None = None,
-    frame: int = 0,
-) -> Picture:
-    """Draws particles with a renderer that all calls share: see `Renderer.render`."""
-    global _default
-    with _default_lock:
-        if _default is None:
-            _default = Renderer()
-    return _default.render(
-        positions,
-        radius=radius,
-        velocities=velocities,
-        ids=ids,
-        ellipsoids=ellipsoids,
-        colors=colors,
-        scene=scene,
-        camera=camera,
-        size=size,
-        samples=samples,
-        aovs=aovs,
-        alpha=alpha,
-        up=up,
-        frame=frame,
-    )
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def _shared(method: Callable[Concatenate[Renderer, P], T]) -> Callable[P, T]:
+    """A method as a function, with a renderer that all calls share."""
+
+    @functools.wraps(method)
+    def call(*arguments: P.args, **keywords: P.kwargs) -> T:
+        global _default
+        with _default_lock:
+            if _default is None:
+                _default = Renderer()
+        return method(_default, *arguments, **keywords)
+
+    signature = inspect.signature(method)
+    parameters = list(signature.parameters.values())[1:]
+    call.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    call.__qualname__ = method.__name__
+    return call
+
+
+render = _shared(Renderer.render)
 
 
 def _forget() -> None:
