@@ -233,10 +233,17 @@ impl fmt::Display for MapName {
 impl FromStr for MapName {
     type Err = String;
 
+    /// The map of a name, in any case.
     fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|map| map.name() == text).ok_or_else(|| {
+        const SIMILAR: f64 = 0.75;
+        let wanted = text.trim().to_ascii_lowercase();
+        Self::ALL.into_iter().find(|map| map.name() == wanted).ok_or_else(|| {
             let known = Self::ALL.map(Self::name).join(", ");
-            format!("there is no color map {text}; there are {known}")
+            let likeness = |map: &Self| strsim::jaro_winkler(map.name(), &wanted);
+            let nearest = Self::ALL.into_iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+            let nearest = nearest.filter(|map| likeness(map) > SIMILAR);
+            let meant = nearest.map_or(String::new(), |map| format!(" (is it {map}?)"));
+            format!("there is no color map {text}{meant}; there are {known}")
         })
     }
 }
@@ -419,7 +426,10 @@ mod tests {
         for map in MapName::ALL {
             assert_eq!(map.name().parse(), Ok(map));
         }
-        assert!("rainbow".parse::<MapName>().unwrap_err().contains("viridis, plasma"));
+        assert_eq!("Greys".parse(), Ok(MapName::Greys));
+        let problem = |name: &str| name.parse::<MapName>().unwrap_err();
+        assert!(problem("jet").starts_with("there is no color map jet; there are viridis, plasma"));
+        assert!(problem("virdis").contains("(is it viridis?)"));
     }
 
     /// Names are those of attributes in any case, and others those of arrays; ranges rise.

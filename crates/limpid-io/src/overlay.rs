@@ -12,6 +12,8 @@ use limpid::liquid::Up;
 
 use crate::color_by::ColorScale;
 
+pub use legend::draw as draw_legend;
+
 /// What to draw over the pictures of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Overlay {

@@ -289,6 +289,12 @@ impl Project {
         }
     }
 
+    /// Whether its liquid is opaque once its look has completed it.
+    pub fn is_opaque(&self) -> bool {
+        let paints = |own: Automatic| own.look == Look::Paint && own.absorption;
+        self.scene.is_opaque() || self.automatic.is_some_and(paints)
+    }
+
     /// Number of the solids of its own. Those of the recipe and of the rigid bodies follow, which reading its file adds
     /// again.
     fn own_solids(&self) -> usize {

@@ -17,7 +17,7 @@ const TICK: f64 = 0.3;
 const PANEL: ([u8; 3], f32) = ([24, 26, 30], 0.72);
 
 /// Draws a legend in the upper right corner of a picture, unless that is too small for it.
-pub(super) fn draw(picture: &mut DynamicImage, scale: &ColorScale) {
+pub fn draw(picture: &mut DynamicImage, scale: &ColorScale) {
     let size = UVec2::from(picture.dimensions());
     let Some(plan) = Plan::new(size, scale) else { return };
     plan.panel(picture);
