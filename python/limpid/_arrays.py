@@ -17,14 +17,7 @@ Vector = Union[Sequence[float], "npt.NDArray[Any]"]
 
 def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[Any]:
     """An array of 32- or 64-bit floats of this shape, in which letters stand for any size."""
-    expected = _written(shape)
-    refuse_masked(name, value)
-    try:
-        array = as_array(name, value)
-    except _OnDevice:
-        raise
-    except Exception as error:
-        raise ValueError(f"{name}: {_first_line(error)}; expected numbers of shape {expected}") from error
+    array = plain(name, value, _written(shape))
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{name} has the dtype {array.dtype}; expected float32 or float64")
     if array.size == 0 and array.ndim == 1 and shape[0] == "n":
@@ -32,9 +25,20 @@ def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[
         array = array.reshape([0, *(size for size in shape[1:] if isinstance(size, int))])
     array = shaped(name, array, shape)
     kind = np.float32 if array.dtype.kind == "f" and array.dtype.itemsize <= 4 else np.float64
-    plain = array.dtype == kind and array.dtype.isnative and array.flags.aligned
+    is_plain = array.dtype == kind and array.dtype.isnative and array.flags.aligned
     with np.errstate(over="ignore"):
-        return array if plain else array.astype(kind)
+        return array if is_plain else array.astype(kind)
+
+
+def plain(name: str, value: Any, expected: str) -> npt.NDArray[Any]:
+    """An array of whatever numbers, of which this shape is expected."""
+    refuse_masked(name, value)
+    try:
+        return as_array(name, value)
+    except _OnDevice:
+        raise
+    except Exception as error:
+        raise ValueError(f"{name}: {_first_line(error)}; expected numbers of shape {expected}") from error
 
 
 def integers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[np.int64]:

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _limpid
-from ._arrays import numbers, of_length, particle_arrays, placed, radius_of, samples_of, size_of, up_of
+from ._arrays import particle_arrays, placed, radius_of, samples_of, size_of, up_of
+from ._coloring import coloring
 from ._errors import LimpidWarning
 from ._limpid import Camera
 from ._particles import Particles
@@ -89,6 +90,9 @@ class Drawing:
         ids: npt.ArrayLike | None = None,
         ellipsoids: npt.ArrayLike | None = None,
         colors: npt.ArrayLike | None = None,
+        values: npt.ArrayLike | None = None,
+        colormap: str | None = None,
+        range: Sequence[float] | str | None = None,
         scene: SceneLike | None = None,
         camera: Camera | None = None,
         size: Sequence[int] = (1024, 768),
@@ -106,7 +110,8 @@ class Drawing:
             velocities = own.velocities if velocities is None else velocities
             ellipsoids = own.ellipsoids if ellipsoids is None else ellipsoids
             ids = own.ids if ids is None else ids
-            colors = own.colors if colors is None else colors
+            if colors is None and values is None:
+                colors, values = own.colors, own.values
             if radius is None:
                 radius = own.radius if own.radii is None else own.radii
             positions = own.positions
@@ -116,11 +121,10 @@ class Drawing:
         )
         places = arrays["positions"]
         assert places is not None
-        tints = None if colors is None else _colors(colors, len(places))
         kept = placed(places)
+        colored = coloring(colors, values, colormap, range, len(places), kept)
         if kept is not None:
             arrays = {name: None if array is None else array[kept] for name, array in arrays.items()}
-            tints = None if tints is None else tints[kept]
         scene = scene_of(scene)
         if camera is not None and not isinstance(camera, Camera):
             raise ValueError(f"camera is {camera!r}; expected a limpid.Camera")
@@ -135,7 +139,7 @@ class Drawing:
             self._issued.clear()
         drawn = self._device.draw(
             arrays,
-            tints,
+            colored,
             None if scene is None else scene._project,
             camera,
             up_of(up),
@@ -173,18 +177,6 @@ def scene_of(scene: Any) -> Scene | None:
     if isinstance(scene, (str, os.PathLike)):
         return Scene.load(scene)
     raise ValueError(f"scene is {scene!r}; expected a limpid.Scene or the path of a scene file")
-
-
-def _colors(colors: Any, count: int) -> npt.NDArray[np.float32]:
-    array = of_length("colors", numbers("colors", colors, ("n", 3)), count)
-    single = np.ascontiguousarray(array, np.float32)
-    good = (single > 0) & (single <= 1)
-    if not good.all():
-        row = int(np.argmin(good.all(axis=1)))
-        raise ValueError(
-            f"colors: particle {row} has {single[row].tolist()}; expected numbers above 0 and at most 1"
-        )
-    return single
 
 
 def _names(aovs: Any) -> list[str]:

@@ -7,15 +7,17 @@ import threading
 from collections.abc import Iterable, Iterator, Sequence, Sized
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from . import _limpid
 from ._arrays import radius_of, samples_of, size_of, up_of
 from ._closing import Closing
+from ._coloring import colormap_of, range_of
 from ._drawing import Drawing, SceneLike, scene_of
 from ._limpid import Camera
 from ._particles import Particles
-from ._picture import Picture
+from ._picture import Picture, title_of
 from ._world import PathLike
 
 
@@ -27,8 +29,12 @@ class Film(Closing, Iterator[Picture]):
         drawing: Drawing,
         source: Iterable[Any] | PathLike,
         path: PathLike,
+        *,
         fps: float | None,
         radius: npt.ArrayLike | None,
+        colormap: str | None,
+        range: Sequence[float] | str | None,
+        legend: bool | str,
         scene: SceneLike | None,
         camera: Camera | Iterable[Camera] | None,
         size: Sequence[int],
@@ -40,6 +46,14 @@ class Film(Closing, Iterator[Picture]):
         self._samples = samples_of(samples)
         self._scene = scene_of(scene)
         self._radius = radius
+        self._colormap = colormap_of(colormap)
+        self._range = range_of(range)
+        self._shows_values = self._colormap is not None or self._range is not None
+        if isinstance(legend, (bool, np.bool_)):
+            self._legend, self._title = bool(legend), None
+        else:
+            title_of(legend)
+            self._legend, self._title = True, legend
         self._up = up_of(up)
         self._number = 0
         self._settled = False
@@ -61,6 +75,10 @@ class Film(Closing, Iterator[Picture]):
         if isinstance(source, (str, os.PathLike)):
             if self._cameras is not None:
                 raise ValueError("camera is a list; files take one camera")
+            if self._shows_values:
+                raise ValueError(
+                    "colormap and range show values of Particles; for files, give a scene with color_by"
+                )
             value, radii = radius_of(radius)
             if radii is not None:
                 raise ValueError("radius is an array; files take one radius")
@@ -154,9 +172,13 @@ class Film(Closing, Iterator[Picture]):
                     raise ValueError(f"camera has {number} entries, and there are more frames")
                 if not isinstance(camera, Camera):
                     raise ValueError(f"camera has {camera!r}; expected a limpid.Camera")
+            # Emitters begin without particles, and perhaps without values.
+            has_values = isinstance(positions, Particles) and positions.values is not None
             picture = self._drawing.picture(
                 positions,
                 radius=self._radius,
+                colormap=self._colormap if has_values else None,
+                range=self._range if has_values else None,
                 scene=self._scene,
                 camera=camera,
                 size=self._size,
@@ -167,14 +189,28 @@ class Film(Closing, Iterator[Picture]):
             )
             if not self._settled and picture.particles > 0:
                 self._settle(picture)
+            if self._range is None:
+                self._keep_range(picture, has_values)
+        if self._legend and picture.particles > 0:
+            picture = picture.legend(self._title)
         file.push(picture.rgba)
         self._number += 1
         return picture
+
+    def _keep_range(self, picture: Picture, has_values: bool) -> None:
+        """Keeps the range of the first frame whose values differ."""
+        self._range = picture.range
+        if picture.range is not None and not has_values:
+            # The attribute is the scene's.
+            self._scene = picture.scene.copy()
+            self._scene._project.set([f"liquid.color_range={list(picture.range)}"])
 
     def _settle(self, picture: Picture) -> None:
         """Keeps what was made to fit the first frame with particles."""
         self._settled = True
         self._scene = picture.scene
         self._thickness = picture._thickness
+        if self._shows_values and picture.colormap is None:
+            raise ValueError("colormap and range show values; give frames as Particles with values")
         # The scene has the axis.
         self._up = None

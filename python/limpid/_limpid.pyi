@@ -147,7 +147,7 @@ class Device:
     def draw(
         self,
         arrays: _Arrays,
-        colors: npt.NDArray[np.float32] | None,
+        coloring: dict[str, Any],
         project: Project | None,
         camera: Camera | None,
         up: str | None,
@@ -207,6 +207,10 @@ def flip(
     reference: npt.NDArray[np.uint8], test: npt.NDArray[np.uint8]
 ) -> tuple[float, npt.NDArray[np.float32]]: ...
 def load(path: _Path) -> npt.NDArray[np.uint8]: ...
+def colormap(name: str) -> str: ...
+def legend(
+    rgba: npt.NDArray[np.uint8], scale: tuple[str, str, str, tuple[float, float]]
+) -> npt.NDArray[np.uint8]: ...
 def png(rgba: npt.NDArray[np.uint8], alpha: bool) -> bytes: ...
 def save(
     path: _Path,

@@ -42,8 +42,8 @@ class Particles:
         Maps of the unit sphere to each particle's shape, in units of its radius.
     radius : float, optional
         Radius of all particles, m.
-    colors : (n, 3) array of floats, optional
-        As for `limpid.render`; files do not hold them.
+    colors, values : arrays, optional
+        As for `limpid.render`; `write` leaves them out.
     """
 
     positions: Floats
@@ -53,13 +53,14 @@ class Particles:
     ids: npt.NDArray[np.int64] | None = None
     ellipsoids: Floats | None = None
     radius: float | None = None
-    colors: Floats | None = None
+    colors: npt.NDArray[Any] | None = None
+    values: npt.NDArray[Any] | None = None
 
     def __len__(self) -> int:
         return len(self.positions)
 
     def __repr__(self) -> str:
-        names = ("velocities", "densities", "radii", "ids", "ellipsoids", "radius", "colors")
+        names = ("velocities", "densities", "radii", "ids", "ellipsoids", "radius", "colors", "values")
         there = [name for name in names if getattr(self, name) is not None]
         more = f", with {', '.join(there)}" if there else ""
         return f"<limpid.Particles, {len(self)}{more}>"
@@ -131,7 +132,7 @@ def write(
     OSError
         If the file cannot be written, or limpid does not write its format.
     """
-    colored = isinstance(positions, Particles) and positions.colors is not None
+    unwritten = [name for name in ("colors", "values") if getattr(positions, name, None) is not None]
     if isinstance(positions, Particles):
         own = positions
         velocities = own.velocities if velocities is None else velocities
@@ -153,7 +154,7 @@ def write(
         ellipsoids=ellipsoids,
     )
     lost = _limpid.write(os.fspath(path), arrays)
-    lost = [_ARGUMENTS.get(name, name) for name in lost] + (["colors"] if colored else [])
+    lost = [_ARGUMENTS.get(name, name) for name in lost] + unwritten
     if lost:
         text = f"{os.fspath(path)!s}: its format does not hold {', '.join(lost)}"
         warnings.warn(text, LimpidWarning, stacklevel=2)

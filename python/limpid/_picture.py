@@ -44,6 +44,11 @@ class Picture:
         The scene that was used, with everything that was not given: radius, axis, camera, look.
         Drawing the next positions in it keeps the view. It has no camera if that was made from
         matrices.
+    colormap : str or None
+        The colour map that shows values, if one does.
+    range : (float, float) or None
+        The values of its first and last colour; ``None`` if all values are the same. Given to `render`,
+        it keeps the colours of the next positions comparable.
     radius : float
         Median radius of the particles, m.
     particles, splashes : int
@@ -56,6 +61,8 @@ class Picture:
     aov: Images
     camera: Camera
     scene: Scene
+    colormap: str | None
+    range: tuple[float, float] | None
     radius: float
     particles: int
     splashes: int
@@ -70,6 +77,11 @@ class Picture:
         self.particles = drawn["particles"]
         self.splashes = drawn["splashes"]
         self.seconds = drawn["seconds"]
+        self._scale: tuple[str, str, str, tuple[float, float]] | None = drawn["scale"]
+        self.colormap = self.range = None
+        if self._scale is not None:
+            _, _, self.colormap, (low, high) = self._scale
+            self.range = (low, high) if low < high else None
         self._alpha = alpha
         self._radiance: npt.NDArray[np.float32] | None = None
         self._pending: _limpid.Radiance | None = drawn["radiance"]
@@ -113,6 +125,37 @@ class Picture:
         radiance = self.radiance if str(name).lower().endswith(".exr") else None
         _limpid.save(name, self.rgba, self._alpha, radiance)
 
+    def legend(self, title: str | None = None) -> Picture:
+        """This picture with a legend in its upper right corner: a bar of the colours with the values that
+        they stand for. Its `radiance` has none.
+
+        Parameters
+        ----------
+        title : str, optional
+            Name of the values, with their unit in brackets, as ``"temperature [K]"``; by default that of
+            the scene's ``color_by``.
+
+        Returns
+        -------
+        Picture
+            Without a legend if it is too small for one.
+
+        Raises
+        ------
+        ValueError
+            If it shows no values.
+        """
+        self._check()
+        if self._scale is None:
+            raise ValueError("a legend needs a picture that shows values; give values")
+        name, unit, colormap, ends = self._scale
+        if title is not None:
+            name, unit = title_of(title)
+        picture = Picture.__new__(Picture)
+        picture.__dict__.update(self.__dict__)
+        picture.rgba = _limpid.legend(self.rgba, (name, unit, colormap, ends))
+        return picture
+
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
         if dtype is not None and np.dtype(dtype) != self.rgba.dtype:
             if copy is False:
@@ -140,6 +183,16 @@ class Picture:
             state["_radiance"] = self._pending.read()
         state["_pending"] = None
         return state
+
+
+def title_of(title: Any) -> tuple[str, str]:
+    """Name and unit of a legend's title."""
+    if not isinstance(title, str):
+        raise ValueError(f'the title of a legend is {title!r}; expected text, as "temperature [K]"')
+    name, bracket, unit = title.rstrip().partition("[")
+    if bracket and unit.endswith("]"):
+        return name.strip(), unit[:-1].strip()
+    return title.strip(), ""
 
 
 def flip(

@@ -72,6 +72,9 @@ class Renderer(Closing):
         ids: npt.ArrayLike | None = None,
         ellipsoids: npt.ArrayLike | None = None,
         colors: npt.ArrayLike | None = None,
+        values: npt.ArrayLike | None = None,
+        colormap: str | None = None,
+        range: Sequence[float] | str | None = None,
         scene: SceneLike | None = None,
         camera: Camera | None = None,
         size: Sequence[int] = (1024, 768),
@@ -96,9 +99,22 @@ class Renderer(Closing):
             Accepted for symmetry with `limpid.write`: a single picture does not need them.
         ellipsoids : (n, 3, 3) array of floats, optional
             Maps of the unit sphere to the particles' shapes, in units of their radius.
-        colors : (n, 3) array of floats, optional
-            For each particle, above 0 and at most 1: the colour of white light behind as much liquid
-            of its kind as light typically crosses. Of more than 16 colours, similar ones are joined.
+        colors : (n, 3) or (n, 4) array, optional
+            For each particle, floats from 0 to 1, linear, or bytes (uint8), sRGB; the fourth number is
+            ignored. In a scene with an opaque liquid (``look="paint"``) they are the colours of its
+            surface. On clear liquid, which is the default, they are those of white light behind as much
+            liquid of its kind as light typically crosses, where less than 0.001 counts as that; of more
+            than 16 colours, similar ones are joined.
+        values : (n,), (n, 2) or (n, 3) array of numbers, optional
+            Data that colour the particles, as temperatures; of vectors the length. Values near each
+            other are averaged on the surface. The liquid becomes opaque; without a scene the look is
+            ``paint``.
+        colormap : str, optional
+            The colours of the values: ``"viridis"`` (default), ``"plasma"``, ``"inferno"``, ``"magma"``,
+            ``"cividis"``, ``"turbo"``, ``"coolwarm"``, ``"spectral"`` or ``"greys"``.
+        range : (low, high), optional
+            Values of its first and last colour; ``None`` or ``"auto"`` for the 2nd to 98th percentile of
+            these values. ``picture.range`` has it, for the next picture.
         scene : Scene or path, optional
             Everything else; a studio is made to fit by default.
         camera : Camera, optional
@@ -115,6 +131,7 @@ class Renderer(Closing):
             ``"normal"`` (h, w, 3), outward, view space;
             ``"motion"`` (h, w, 2), pixels right and down in 1/30 s;
             ``"coverage"`` (h, w), and ``"mask"`` (h, w, fluids), 0 to 1;
+            ``"value"`` (h, w), of what colours the surface;
             ``"smooth_depth"``, ``"smooth_normal"``, of the smoothed layers;
             ``"solid_depth"`` (h, w), m; ``"radiance"`` (h, w, 3), linear;
             ``"interfaces"``, ``"inside"`` (m), ``"iterations"``, ``"failures"`` (h, w), per ray;
@@ -156,6 +173,9 @@ class Renderer(Closing):
             ids=ids,
             ellipsoids=ellipsoids,
             colors=colors,
+            values=values,
+            colormap=colormap,
+            range=range,
             scene=scene,
             camera=camera,
             size=size,
@@ -174,6 +194,9 @@ class Renderer(Closing):
         radius: npt.ArrayLike | None = None,
         ellipsoids: npt.ArrayLike | None = None,
         colors: npt.ArrayLike | None = None,
+        values: npt.ArrayLike | None = None,
+        colormap: str | None = None,
+        range: Sequence[float] | str | None = None,
         scene: SceneLike | None = None,
         size: Sequence[int] = (256, 256),
         samples: int | None = None,
@@ -221,6 +244,9 @@ class Renderer(Closing):
             radius=radius,
             ellipsoids=ellipsoids,
             colors=colors,
+            values=values,
+            colormap=colormap,
+            range=range,
             scene=scene,
             size=size,
             samples=samples,
@@ -236,6 +262,9 @@ class Renderer(Closing):
         *,
         fps: float | None = None,
         radius: npt.ArrayLike | None = None,
+        colormap: str | None = None,
+        range: Sequence[float] | str | None = None,
+        legend: bool | str = False,
         scene: SceneLike | None = None,
         camera: Camera | Iterable[Camera] | None = None,
         size: Sequence[int] = (1024, 768),
@@ -266,6 +295,11 @@ class Renderer(Closing):
         camera : Camera or iterable of Camera, optional
             One for all pictures, or one for each. Scene and camera that are made to fit are those of
             the first frame with particles, and for files of the whole sequence.
+        colormap, range : optional
+            As for `render`, for `Particles` with `values`. Without a range, that of the first frame
+            whose values differ is kept for all. Files are coloured by the ``color_by`` of a scene.
+        legend : bool or str
+            Whether pictures get a legend, or its title: see `Picture.legend`.
         radius, scene, size, samples, up : optional
             As for `render`.
 
@@ -274,7 +308,21 @@ class Renderer(Closing):
         ValueError, OSError
             As `render`; if the film cannot be written, before anything is drawn.
         """
-        return Film(self._drawing, source, path, fps, radius, scene, camera, size, samples, up)
+        return Film(
+            self._drawing,
+            source,
+            path,
+            fps=fps,
+            radius=radius,
+            colormap=colormap,
+            range=range,
+            legend=legend,
+            scene=scene,
+            camera=camera,
+            size=size,
+            samples=samples,
+            up=up,
+        )
 
 
 _default: Renderer | None = None

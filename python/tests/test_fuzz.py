@@ -44,7 +44,7 @@ arguments = st.fixed_dictionaries(
     optional={
         name: junk
         for name in (
-            "radius velocities ids ellipsoids colors scene camera size samples aovs alpha up frame".split()
+            "radius velocities ids ellipsoids colors values colormap range scene camera size samples aovs alpha up frame".split()
         )
     },
 )

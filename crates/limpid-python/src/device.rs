@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use glam::{UVec2, Vec3};
+use glam::UVec2;
 use limpid::aov::{self, Aov, Channel, Part};
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
@@ -15,6 +15,7 @@ use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingRadiance};
 use limpid::wgpu;
 use limpid_cli::PipelineCache;
+use limpid_io::color_by::ColorScale;
 use limpid_io::input::{FrameTime, Input, Loaded, Loader};
 use limpid_io::notice;
 use limpid_io::shared_classifier::SharedClassifier;
@@ -24,8 +25,9 @@ use pyo3::types::PyDict;
 
 use crate::arrays::Arrays;
 use crate::camera::Camera;
+use crate::colors::{Colored, Coloring};
 use crate::frames::{self, Frames, Setting, Source, Staged};
-use crate::{colors, errors, scene, work};
+use crate::{colors, errors, pictures, scene, work};
 
 /// Number of pictures of one thread whose radiance stays on the device.
 const KEPT: usize = 4;
@@ -112,7 +114,7 @@ impl Radiance {
 /// A picture to draw.
 struct Job {
     source: Source,
-    colors: Option<Vec<Vec3>>,
+    coloring: Option<Coloring>,
     /// Length of liquid behind which colours are seen, m; the typical one if it is not given.
     thickness: Option<f64>,
     /// Number of the frame, for solids that move.
@@ -137,6 +139,8 @@ struct Drawn {
     project: limpid_io::project::Project,
     radius: f32,
     thickness: Option<f64>,
+    /// The values that colours stand for.
+    scale: Option<ColorScale>,
     particles: usize,
     splashes: usize,
     notices: Vec<String>,
@@ -174,13 +178,13 @@ impl Device {
     }
 
     /// Draws particles.
-    #[pyo3(signature = (arrays, colors, project, camera, up, radius, frame, size, samples, aovs, alpha, thickness, views, described))]
+    #[pyo3(signature = (arrays, coloring, project, camera, up, radius, frame, size, samples, aovs, alpha, thickness, views, described))]
     #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
     fn draw<'py>(
         &self,
         py: Python<'py>,
         arrays: Arrays<'py>,
-        colors: Option<&Bound<'py, numpy::PyArray2<f32>>>,
+        coloring: colors::Arguments<'py>,
         project: Option<PyRef<'py, scene::Project>>,
         camera: Option<PyRef<'py, Camera>>,
         up: Option<&str>,
@@ -195,7 +199,9 @@ impl Device {
         described: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let chosen = chosen(&aovs)?;
+        let coloring = coloring.coloring()?;
         let setting = Setting {
+            shows_values: coloring.as_ref().is_some_and(Coloring::is_of_values),
             project: project.map(|project| project.project()),
             camera: camera.map(|camera| *camera),
             up: frames::up(up)?,
@@ -206,18 +212,10 @@ impl Device {
             motion: chosen.contains(&Aov::Motion),
             in_metres: true,
         };
-        let colors = match colors {
-            Some(array) => {
-                let array = array.try_readonly()?;
-                let rows = array.as_array();
-                Some(rows.outer_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect())
-            }
-            None => None,
-        };
         let source = Source::Particles(Arc::new(arrays.particles()?), Box::new(setting));
         let size = UVec2::new(size.0, size.1);
         let views = views.iter().map(|camera| **camera).collect();
-        let job = Job { source, colors, thickness, frame, size, aovs: chosen, views, described };
+        let job = Job { source, coloring, thickness, frame, size, aovs: chosen, views, described };
         self.draw_job(py, job, &aovs)
     }
 
@@ -233,7 +231,7 @@ impl Device {
         let frame = frames.numbers[index];
         let job = Job {
             source: Source::Frame(frames.staged.clone()),
-            colors: None,
+            coloring: None,
             thickness: None,
             frame,
             size: UVec2::new(size.0, size.1),
@@ -319,20 +317,22 @@ fn new_drawer(
 
 impl Drawer {
     fn draw(&mut self, job: Job) -> limpid_io::Result<Drawn> {
-        let Job { source, colors, thickness, frame, size, aovs, views, described } = job;
+        let Job { source, coloring, thickness, frame, size, aovs, views, described } = job;
         let owned: Staged;
         let shared: Arc<Staged>;
-        let mut colored = None;
+        let mut colored = Colored::default();
+        // With the particles whose thickness the tints are for.
+        let mut tinted = None;
         let staged = match source {
             Source::Frame(staged) => {
                 shared = staged;
                 &*shared
             }
             Source::Particles(mut particles, setting) => {
-                if let Some(colors) = colors {
-                    let (fluids, tints) = colors::fluids(&colors);
-                    Arc::make_mut(&mut particles).fluids = Some(fluids);
-                    colored = Some((particles.clone(), tints));
+                if let Some(coloring) = coloring {
+                    let project = setting.project.as_ref();
+                    colored = coloring.apply(Arc::make_mut(&mut particles), project);
+                    tinted = colored.tints.take().map(|tints| (particles.clone(), tints));
                 }
                 owned = setting.stage(Input::from_particles(particles, "positions"))?;
                 &owned
@@ -340,23 +340,29 @@ impl Drawer {
         };
         let Staged { opened, camera, own_camera } = staged;
         let mut scene = opened.project.scene.clone();
-        let thickness = match colored {
+        let thickness = match tinted {
             Some((particles, tints)) => {
                 let thickness = match thickness {
                     Some(thickness) => thickness,
                     None => self.thickness(&opened.loader, &particles)?,
                 };
-                let absorption = |tint: &Vec3| tint.map(|c| (-c.ln()).max(0.0)) / thickness as f32;
+                let absorption = |tint: &_| colors::absorption(*tint, thickness);
                 scene.fluids =
                     tints.iter().map(absorption).map(limpid::scene::Medium::clear).collect();
                 Some(thickness)
             }
             None => None,
         };
-        let loader = opened.loader.clone().classified(self.classifier.clone());
+        let mut loader = opened.loader.clone().classified(self.classifier.clone());
+        let Colored { by, scale, .. } = colored;
+        let is_given = by.is_some();
+        if is_given {
+            loader = loader.colored_by(by);
+        }
         let started = Instant::now();
         let loaded = loader.load(FrameTime::at(frame), &scene)?;
         self.check()?;
+        let scale = if is_given { scale } else { loader.color_scale()? };
         let interface =
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
         let motion =
@@ -397,6 +403,7 @@ impl Drawer {
             project: opened.plain.clone(),
             radius: loaded.splats.radius,
             thickness,
+            scale,
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
             notices,
@@ -474,6 +481,7 @@ fn to_python<'py>(
     result.set_item("project", scene::Project::of(drawn.project))?;
     result.set_item("radius", drawn.radius)?;
     result.set_item("thickness", drawn.thickness)?;
+    result.set_item("scale", drawn.scale.map(pictures::Scale::from))?;
     result.set_item("particles", drawn.particles)?;
     result.set_item("splashes", drawn.splashes)?;
     result.set_item("seconds", drawn.seconds)?;

@@ -13,6 +13,7 @@ use limpid_io::project::{LiquidSource, Project};
 use pyo3::prelude::*;
 
 use crate::camera::{Camera, Kind};
+use crate::colors::of_values;
 use crate::{scene, work};
 
 /// What decides how particles are drawn, apart from the picture.
@@ -33,6 +34,8 @@ pub(crate) struct Setting {
     pub(crate) motion: bool,
     /// Whether the particles are in metres, whatever the unit of the scene's files.
     pub(crate) in_metres: bool,
+    /// Whether values colour the particles, which needs an opaque liquid.
+    pub(crate) shows_values: bool,
 }
 
 /// Particles in their scene.
@@ -72,11 +75,21 @@ impl Setting {
         let request = Request {
             radius: self.radius,
             overrides,
-            adjustments: Adjustments { up, ..Adjustments::default() },
+            adjustments: Adjustments {
+                up,
+                color_by: self.shows_values.then(of_values),
+                ..Adjustments::default()
+            },
             framing: self.framing,
             ..Request::default()
         };
         let mut opened = request.open_from(input)?;
+        if self.shows_values {
+            // Pictures without values can be drawn in the scene, too.
+            let own = self.project.as_ref().and_then(|project| project.color_by.clone());
+            opened.plain.color_by.clone_from(&own);
+            opened.project.color_by = own;
+        }
         let up = opened.loader.up().0;
         let camera = match self.camera {
             Some(camera) => camera.to_y_up(up),

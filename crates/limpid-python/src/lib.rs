@@ -37,6 +37,8 @@ fn limpid_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::Project>()?;
     module.add_function(wrap_pyfunction!(arrays::read, module)?)?;
     module.add_function(wrap_pyfunction!(arrays::write, module)?)?;
+    module.add_function(wrap_pyfunction!(colors::colormap, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::legend, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::flip, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::load, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::png, module)?)?;

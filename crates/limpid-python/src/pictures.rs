@@ -5,8 +5,10 @@ use std::path::PathBuf;
 use glam::UVec2;
 use image::{DynamicImage, RgbImage, RgbaImage};
 use limpid::aov::{Channel, Part};
+use limpid_io::color_by::{ColorScale, MapName};
 use limpid_io::exr;
 use limpid_io::output::{self, PictureFormat};
+use limpid_io::overlay;
 use limpid_lab::compare;
 use numpy::ndarray::ArrayView3;
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyArrayMethods as _};
@@ -62,6 +64,33 @@ pub(crate) fn png<'py>(
             Ok(bytes)
         })?;
     Ok(PyBytes::new(py, &bytes))
+}
+
+/// Name and unit of values, and the map and the range that show them.
+#[derive(FromPyObject, IntoPyObject)]
+pub(crate) struct Scale(String, String, String, (f32, f32));
+
+impl From<ColorScale> for Scale {
+    fn from(scale: ColorScale) -> Self {
+        let ColorScale { name, unit, map, range: [low, high], .. } = scale;
+        Self(name, unit, map.to_string(), (low, high))
+    }
+}
+
+/// The pixels under a legend of the colours, unless they are too few for it.
+#[pyfunction]
+pub(crate) fn legend<'py>(
+    py: Python<'py>,
+    rgba: &Bound<'py, PyArray3<u8>>,
+    scale: Scale,
+) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let Scale(name, unit, map, (low, high)) = scale;
+    let map: MapName = map.parse().map_err(PyValueError::new_err)?;
+    let scale = ColorScale { name, unit, map, range: [low, high], automatic: false };
+    let mut picture = picture(rgba.try_readonly()?.as_array(), true)?;
+    overlay::draw_legend(&mut picture, &scale);
+    let shape = [picture.height() as usize, picture.width() as usize, 4];
+    picture.into_rgba8().into_raw().into_pyarray(py).reshape(shape)
 }
 
 /// Writes a picture in the format of the extension: `.exr` the radiance, others the 8-bit picture.
