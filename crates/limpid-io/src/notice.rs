@@ -80,21 +80,7 @@ pub enum Notice {
 impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Gaps(gaps, missing) => {
-                let range = |&(first, last): &(i64, i64)| match first == last {
-                    true => first.to_string(),
-                    false => format!("{first} to {last}"),
-                };
-                let some: Vec<String> = gaps.iter().take(5).map(range).collect();
-                let more = if gaps.len() > 5 { ", ..." } else { "" };
-                let done = match missing {
-                    None => "",
-                    Some(Missing::Error) => " and left out",
-                    Some(Missing::Empty) => " and drawn without particles",
-                    Some(Missing::Hold) => " and drawn as the frame before",
-                };
-                write!(f, "frames are missing{done}: {}{more}", some.join(", "))
-            }
+            Self::Gaps(gaps, missing) => f.write_str(&gaps_text(gaps, *missing)),
             Self::Steps(frames, stride) => {
                 let frames = if *frames == 1 { "1 frame".into() } else { format!("{frames} frames") };
                 match stride {
@@ -117,22 +103,7 @@ impl fmt::Display for Notice {
                 "the file is a mesh (cells: {cells}), and its corners are drawn as particles; export \
                  the particles that it was made from"
             ),
-            Self::Lost { count, place: (min, max) } => {
-                let (are, do_not) = if *count == 1 { ("is", "does") } else { ("are", "do") };
-                let size = (*max - *min).max_element();
-                let digits = if size > 0.0 { size } else { max.abs().max_element() };
-                let corner = |x: &DVec3| rounded(*x, 1e-3 * digits);
-                let place = match size > 0.0 {
-                    false => format!("at {}", corner(max)),
-                    true => format!("from {} to {}", corner(min), corner(max)),
-                };
-                write!(
-                    f,
-                    "{} of the particles {are} far from all others, {place} m, and {do_not} not count \
-                     for the view, the floor and the lights",
-                    thousands(*count)
-                )
-            }
+            Self::Lost { count, place } => f.write_str(&lost_text(*count, *place)),
             Self::MaybeRadius(array) => {
                 write!(f, "the radius is guessed, although there is {array}")
             }
@@ -196,6 +167,40 @@ impl fmt::Display for Notice {
             }
         }
     }
+}
+
+/// [`Notice::Gaps`] in words.
+fn gaps_text(gaps: &[(i64, i64)], missing: Option<Missing>) -> String {
+    let range = |&(first, last): &(i64, i64)| match first == last {
+        true => first.to_string(),
+        false => format!("{first} to {last}"),
+    };
+    let some: Vec<String> = gaps.iter().take(5).map(range).collect();
+    let more = if gaps.len() > 5 { ", ..." } else { "" };
+    let done = match missing {
+        None => "",
+        Some(Missing::Error) => " and left out",
+        Some(Missing::Empty) => " and drawn without particles",
+        Some(Missing::Hold) => " and drawn as the frame before",
+    };
+    format!("frames are missing{done}: {}{more}", some.join(", "))
+}
+
+/// [`Notice::Lost`] in words.
+fn lost_text(count: usize, (min, max): (DVec3, DVec3)) -> String {
+    let (are, do_not) = if count == 1 { ("is", "does") } else { ("are", "do") };
+    let size = (max - min).max_element();
+    let digits = if size > 0.0 { size } else { max.abs().max_element() };
+    let corner = |x: DVec3| rounded(x, 1e-3 * digits);
+    let place = match size > 0.0 {
+        false => format!("at {}", corner(max)),
+        true => format!("from {} to {}", corner(min), corner(max)),
+    };
+    format!(
+        "{} of the particles {are} far from all others, {place} m, and {do_not} not count for the view, the floor and \
+         the lights",
+        thousands(count)
+    )
 }
 
 /// Formats a place to about this precision, m: `0.25,1,-3.5`.
