@@ -208,27 +208,9 @@ impl<'a> Archive<'a> {
         }
         let velocity = self.velocities_of(members, &places);
         if let Some(fields) = &velocity {
-            let names: Vec<_> = fields.iter().map(|&at| members[at].name.as_str()).collect();
-            let name = names.join(" ");
-            let path = self.display_path(place, &name);
-            let (table, columns) = self.columns(&path, place, members, fields, &places, step)?;
-            let shape = [table.rows, columns.len()];
-            self.count(&path, Attribute::Velocity.bytes().saturating_mul(table.rows as u64))?;
-            for (&at, column) in fields.iter().zip(&columns) {
-                contents.keep(&self.reading, &members[at].name, &table, &[*column])?;
-            }
-            contents.take_as(Some(Attribute::Velocity), &name, &shape, &table, &columns)?;
+            self.take_velocity(&mut contents, place, members, fields, &places, step)?;
         }
-        for link in self.links_of(place) {
-            if let (Some(file), Some(attribute)) =
-                (&link.file, self.reading.map.attribute_of(&link.name))
-            {
-                contents.remarks.push(Remark::Unusable {
-                    array: printable(link.name.clone()),
-                    problem: format!("{attribute} is in the file {}", printable(file.clone())),
-                });
-            }
-        }
+        contents.remarks.extend(self.unfollowed(place));
         let used =
             |at: usize| positions.contains(&at) || velocity.iter().flatten().any(|&f| f == at);
         for (_, member) in members.iter().enumerate().filter(|&(at, _)| !used(at)) {
@@ -280,6 +262,41 @@ impl<'a> Archive<'a> {
             contents.find_values(&self.reading, name, &table, &columns);
         }
         Ok(contents)
+    }
+
+    /// Takes velocities from an array for each axis.
+    fn take_velocity(
+        &mut self,
+        contents: &mut Contents,
+        place: &str,
+        members: &[Member],
+        fields: &[usize],
+        places: &Places,
+        step: usize,
+    ) -> Result<()> {
+        let names: Vec<_> = fields.iter().map(|&at| members[at].name.as_str()).collect();
+        let name = names.join(" ");
+        let path = self.display_path(place, &name);
+        let (table, columns) = self.columns(&path, place, members, fields, places, step)?;
+        let shape = [table.rows, columns.len()];
+        self.count(&path, Attribute::Velocity.bytes().saturating_mul(table.rows as u64))?;
+        for (&at, column) in fields.iter().zip(&columns) {
+            contents.keep(&self.reading, &members[at].name, &table, &[*column])?;
+        }
+        contents.take_as(Some(Attribute::Velocity), &name, &shape, &table, &columns)
+    }
+
+    /// Attributes that are links to other files, which are not followed.
+    fn unfollowed(&self, place: &str) -> Vec<Remark> {
+        let remark = |link: &Link| {
+            let (file, attribute) =
+                (link.file.as_ref()?, self.reading.map.attribute_of(&link.name)?);
+            Some(Remark::Unusable {
+                array: printable(link.name.clone()),
+                problem: format!("{attribute} is in the file {}", printable(file.clone())),
+            })
+        };
+        self.links_of(place).filter_map(remark).collect()
     }
 
     /// The table of a step of an array, and its columns.
