@@ -6,7 +6,7 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use super::super::{FileBytes, Scalar};
-use super::{Array, Data, Section};
+use super::array::{Array, Data, Section};
 use crate::error::{Error, Result};
 use crate::vtk_lists;
 
