@@ -140,7 +140,9 @@ fn sequences_and_fluids_are_colored() {
     assert!(alone.loader.color_scale().unwrap().is_some());
 
     // Two fluids.
-    let scene = "[[fluid]]\nsource = \"w_1.csv\"\nselect = \"heat>150\"\n[[fluid]]\nsource = \"w_3.csv\"\n\
+    write("left.csv", 100.0);
+    write("right.csv", 300.0);
+    let scene = "[[fluid]]\nsource = \"left.csv\"\nselect = \"heat>150\"\n[[fluid]]\nsource = \"right.csv\"\n\
                  [liquid]\ncolor_by = \"heat\"\n";
     let path = folder.path().join("two.toml");
     std::fs::write(&path, scene).unwrap();
