@@ -42,13 +42,13 @@ async fn no_match_error(selected: &str) -> Error {
     Error::NoMatchingAdapter { selected: printable(selected.to_owned()), found: found.join(", ") }
 }
 
-/// Flags that cost more than they give here; `WGPU_DEBUG=1` and `WGPU_VALIDATION_INDIRECT_CALL=1` ask for them.
-///
-/// - Lines for debuggers take a sixth of the start of an unoptimised program.
-/// - Indirect dispatches would each be preceded by another that checks their size, with a barrier on either side. The
-///   shaders that write the sizes keep to rows of at most 65,535 workgroups, which every adapter supports.
-const UNUSED: wgpu::InstanceFlags =
-    wgpu::InstanceFlags::DEBUG.union(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+/// Lines for debuggers take a sixth of the start of an unoptimised program: `WGPU_DEBUG=1` asks for them.
+const UNUSED: wgpu::InstanceFlags = wgpu::InstanceFlags::DEBUG;
+
+/// wgpu precedes each indirect dispatch by another that checks its size, with a barrier on either side. The shaders that
+/// write the sizes keep to rows of at most 65,535 workgroups, which every adapter supports, so that graphics cards go
+/// without. On software adapters it costs little, and without its barriers Mesa's timestamps miss passes.
+const CHECKED: wgpu::InstanceFlags = wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
 
 /// Lists the adapters of the selected backends whose name contains `wanted`: discrete before integrated
 /// GPUs before software adapters; OpenGL only without any other.
@@ -60,12 +60,21 @@ pub(super) async fn list(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Ad
         if !all.is_empty() {
             break;
         }
-        let descriptor = wgpu::InstanceDescriptor {
-            backends: selected & backends,
-            flags: (wgpu::InstanceFlags::from_build_config() - UNUSED).with_env(),
-            ..wgpu::InstanceDescriptor::new_without_display_handle_from_env()
+        let with = |flags: wgpu::InstanceFlags| {
+            let descriptor = wgpu::InstanceDescriptor {
+                backends: selected & backends,
+                flags: flags.with_env(),
+                ..wgpu::InstanceDescriptor::new_without_display_handle_from_env()
+            };
+            wgpu::Instance::new(descriptor).enumerate_adapters(backends)
         };
-        all = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;
+        let flags = wgpu::InstanceFlags::from_build_config() - UNUSED;
+        all = with(flags - CHECKED).await;
+        let is_software =
+            |adapter: &wgpu::Adapter| adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+        if all.iter().all(is_software) {
+            all = with(flags).await;
+        }
         all.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted));
     }
     all.sort_by_key(|adapter| match adapter.get_info().device_type {
