@@ -18,7 +18,7 @@
 override MIXTURE: bool = false;            // fluids differ in absorption
 override SCATTERING_MIXTURE: bool = false; // and in scattering
 
-const DIRECTIONS: u32 = 1u;     // of the hemisphere in front
+const DIRECTIONS: u32 = 2u;     // of the hemisphere in front
 const BACK_DIRECTIONS: u32 = 1u;
 
 fn share_of(sums: vec4f) -> vec3f {
