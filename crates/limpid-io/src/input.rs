@@ -26,7 +26,7 @@ pub use self::loaded::{Loaded, RadiusFrom, UpFrom};
 pub use self::loader::Loader;
 pub use crate::sequence::{FrameTime, Missing};
 
-/// What a user asks for: frames of particles, and the project to draw them in.
+/// The input that a user asks for: frames of particles, and the project to draw them in.
 #[derive(Debug, Clone)]
 pub struct Input {
     /// The project; `None` for bare particle files, which get one from [`Input::resolve`].

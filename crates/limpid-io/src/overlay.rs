@@ -1,4 +1,4 @@
-//! What is drawn over finished pictures on request: a legend, a scale bar, the axes, names. It is drawn on the host, in
+//! Overlays of finished pictures, on request: a legend, a scale bar, the axes, names. They are drawn on the host, in
 //! sRGB; but for the legend, with letters of 8×8 dots that are as large as the picture needs.
 
 mod legend;

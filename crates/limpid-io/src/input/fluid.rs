@@ -331,7 +331,7 @@ impl Fluid {
             return Ok(own);
         };
         let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
-        // What this file has to be coloured by, they need not have.
+        // They need not have the attribute that colours this file.
         let options = ReadOptions { shown: None, ..self.reading().0.into_owned() };
         for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
             let first = match Contents::read(&sibling.path, &options) {

@@ -36,7 +36,7 @@ pub(super) struct Part {
     /// The array's name in lower case, without a unit.
     name: String,
     columns: Vec<Vec<f32>>,
-    /// What stands for 1, if the numbers are those of a colour in integers of the file.
+    /// The integer that stands for 1, if the file's numbers are those of a colour.
     whole: Option<f32>,
 }
 
@@ -44,7 +44,7 @@ impl Reading<'_> {
     /// Whether an array is the one to be shown, or may be a part of it.
     pub(super) fn shows(&self, array: &str) -> bool {
         let Some(shown) = self.shown.map(canonical) else { return false };
-        // Those that limpid knows are read in any case.
+        // limpid reads the attributes that it knows in any case.
         if known(&shown).is_some() {
             return false;
         }

@@ -266,8 +266,8 @@ impl<'a> Document<'a> {
         Ok(())
     }
 
-    /// The point of each cell, if there is one vertex cell for each point; `None` for other cells. What cannot be decoded
-    /// is none, since the particles do not depend on it.
+    /// The point of each cell, if there is one vertex cell for each point; `None` for other cells, and for arrays that
+    /// cannot be decoded, since the particles do not depend on them.
     pub(super) fn points_of_cells(&self, budget: &Budget) -> Option<Vec<usize>> {
         let has_data = self.arrays.iter().any(|array| array.section == Section::CellData);
         let one_each = self.pieces.iter().all(|[points, cells]| points == cells);
