@@ -158,26 +158,10 @@ impl Shade {
     /// Records the body's radiance.
     pub fn record(&self, commands: &mut Commands<'_>, eye: &ViewPasses, span: Span<'_>) {
         let Self { tiles, around, body, sections } = self;
-        let work = tiles.pixels() * WORK;
-        let last = tiles.sections().end - 1;
-        // A pixel averages what its neighbours in other sections have found.
-        for (kernel, pipeline) in [around, body].into_iter().enumerate() {
-            for (section, bound) in tiles.sections().zip(sections) {
-                commands.reserve(work);
-                let ends = [kernel == 0 && section == 0, kernel == 1 && section == last];
-                let span = span.part(ends[0], ends[1]);
-                let mut pass = commands.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                    label: Some("shade"),
-                    timestamp_writes: span.compute(),
-                });
-                pass.set_bind_group(0, &eye.camera.group, &[]);
-                pass.set_bind_group(1, &bound[kernel].group, &[]);
-                pass.set_bind_group(2, &eye.scene.group, &[]);
-                pass.set_pipeline(pipeline);
-                let at = tiles.dispatch(TileLists::LIQUID, section);
-                pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
-            }
-        }
+        tiles.run_on_liquid(commands, ("shade", span), WORK, [around, body], |section, kernel| {
+            let own = &sections[section as usize][kernel];
+            [&eye.camera.group, &own.group, &eye.scene.group]
+        });
     }
 }
 

@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
 
 use super::Layers;
-use crate::gpu::{self, Bound, Gpu, Span, TILE};
+use crate::gpu::{self, Bound, Commands, Gpu, Span, TILE};
 
 /// Sorts tiles into liquid and background.
 #[derive(Debug)]
@@ -136,6 +136,37 @@ impl TileLists {
     /// Byte offset of the arguments of a section's dispatch.
     pub fn dispatch(&self, which: u64, section: u32) -> u64 {
         Self::DISPATCH_STRIDE * u64::from(section) + which
+    }
+
+    /// Records kernels over the tiles with liquid, one after the other: each over all sections, since a pixel reads what
+    /// its neighbours in other sections have found. `groups` are the first bind groups of a section's kernel; a pixel
+    /// takes `work` layer evaluations in each.
+    pub fn run_on_liquid<'a, const N: usize>(
+        &self,
+        commands: &mut Commands<'_>,
+        (label, span): (&str, Span<'_>),
+        work: u64,
+        kernels: [&wgpu::ComputePipeline; N],
+        groups: impl Fn(u32, usize) -> [&'a wgpu::BindGroup; 3],
+    ) {
+        let last = self.sections().end - 1;
+        for (kernel, pipeline) in kernels.into_iter().enumerate() {
+            for section in self.sections() {
+                commands.reserve(self.pixels() * work);
+                let is_first = kernel == 0 && section == 0;
+                let span = span.part(is_first, kernel + 1 == N && section == last);
+                let mut pass = commands.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some(label),
+                    timestamp_writes: span.compute(),
+                });
+                for (i, group) in (0..).zip(groups(section, kernel)) {
+                    pass.set_bind_group(i, group, &[]);
+                }
+                pass.set_pipeline(pipeline);
+                let at = self.dispatch(Self::LIQUID, section);
+                pass.dispatch_workgroups_indirect(&self.dispatches, at);
+            }
+        }
     }
 }
 

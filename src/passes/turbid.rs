@@ -167,41 +167,31 @@ impl Turbid {
         let filter_patterns = eye.scene.variant.solids > 0;
         let scene_variant = SceneVariant { filter_patterns, ..eye.scene.variant };
         let shared = [&[splash][..], &eye.camera.constants(), &scene_variant.constants()].concat();
-        let pipeline = |shader: &str, entry: &str, bound: &Bound, own: &[(&'static str, f64)]| {
+        let kernel = |shader: &str, entry: &str, bound: &Bound, own: &[(&'static str, f64)]| {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
-            gpu.compute_pipeline(shader, entry, &layouts, &[own, &shared].concat())
+            gpu.kernel(shader, Default::default(), entry, &layouts, &[own, &shared].concat())
         };
         let [found, averaged] = &sections[0];
-        let (around, means) = rayon::join(
-            || pipeline("turbid/around.wgsl", "look_around", found, &mixtures),
-            || pipeline("turbid/means.wgsl", "average", averaged, &[]),
-        );
+        let [around, means] = gpu.pipelines([
+            kernel("turbid/around.wgsl", "look_around", found, &mixtures),
+            kernel("turbid/means.wgsl", "average", averaged, &[]),
+        ]);
         Self { tiles: tiles.clone(), around, means, sections }
     }
 
     /// Records the light.
     pub fn record(&self, commands: &mut Commands<'_>, eye: &ViewPasses, span: Span<'_>) {
         let Self { tiles, around, means, sections } = self;
-        let work = tiles.pixels() * WORK;
-        let last = tiles.sections().end - 1;
-        // A pixel averages what its neighbours in other sections have found.
-        for (kernel, pipeline) in [around, means].into_iter().enumerate() {
-            for (section, bound) in tiles.sections().zip(sections) {
-                commands.reserve(work);
-                let ends = [kernel == 0 && section == 0, kernel == 1 && section == last];
-                let span = span.part(ends[0], ends[1]);
-                let mut pass = commands.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                    label: Some("turbid"),
-                    timestamp_writes: span.compute(),
-                });
-                pass.set_bind_group(0, &eye.camera.group, &[]);
-                pass.set_bind_group(1, &bound[kernel].group, &[]);
-                pass.set_bind_group(2, &eye.scene.group, &[]);
-                pass.set_pipeline(pipeline);
-                let at = tiles.dispatch(TileLists::LIQUID, section);
-                pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
-            }
-        }
+        tiles.run_on_liquid(
+            commands,
+            ("turbid", span),
+            WORK,
+            [around, means],
+            |section, kernel| {
+                let own = &sections[section as usize][kernel];
+                [&eye.camera.group, &own.group, &eye.scene.group]
+            },
+        );
     }
 }
 
