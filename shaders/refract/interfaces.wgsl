@@ -224,6 +224,13 @@ fn covered(x: vec3f) -> bool {
     return dot(front, camera_omega(u)) > camera_disparity(x);
 }
 
+// A ray through the turbid liquid that covers a solid at x, from o above it.
+fn covering(o: vec3f, x: vec3f) -> Passage {
+    let light = light_around(vec2i(camera_pixel(x)));
+    let length = distance(o, x);
+    return interval_of(absorption_between(o, x), scattering_between(o, x), length, MEAN_COSINE, light, true, 1.0);
+}
+
 // Whether the solid ahead, which the ray hits at `at`, is within `contact` of x, so that the liquid wets it.
 fn touches(solid: SolidHit, at: vec3f, x: vec3f) -> bool {
     if !CONTACT || solid.t >= NOTHING {
@@ -433,6 +440,12 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 let x = o + seen.solid.t * seen.d;
                 let below = !inside && covered(x);
                 seen.weight /= select(1.0, scale, below);
+                if TURBID && below {
+                    // Outlines mirror the liquid around them.
+                    let passage = covering(o, x);
+                    result += seen.weight * passage.added;
+                    seen.weight *= passage.passed;
+                }
                 if ANY_LIT && (below || (inside && !bounce)) {
                     seen.ambient = ambient_at(x, max(height - dot(x, up), 0.0));
                 }

@@ -12,7 +12,7 @@
 @group(1) @binding(3) var mixture: texture_2d<f32>;
 @group(1) @binding(5) var scattering_mixture: texture_2d<f32>;
 @group(1) @binding(6) var slab_table: texture_2d<f32>;
-// Light on the first surface, shares of the liquid in the way, light on the last surface, light of the solid.
+// Light on the first surface, share that leaves it, light on the last surface, light of the solid.
 @group(1) @binding(7) var around: texture_storage_2d<rgba32uint, write>;
 
 override MIXTURE: bool = false;            // fluids differ in absorption
@@ -64,6 +64,14 @@ fn hemisphere(across: mat2x3f, normal: vec3f, xi: vec2f) -> vec3f {
     return normalize(across * beside + sqrt(max(1.0 - xi.x, 1e-4)) * normal);
 }
 
+// One of 64 even places in each 8 x 8 pixels, spread evenly over each 4 x 4 of them.
+fn pattern(p: vec2i) -> vec2f {
+    let fine = u32(p.x & 3) | (u32(p.y & 3) << 2u);
+    let coarse = u32((p.x >> 2u) & 1) | (u32((p.y >> 2u) & 1) << 1u);
+    let places = vec2u(4u * fine + coarse, 4u * ((fine * 7u) & 15u) + ((coarse * 3u + 1u) & 3u));
+    return (vec2f(places) + 0.5) / 64.0;
+}
+
 @compute @workgroup_size(8, 8)
 fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let p = texel_of(group, local);
@@ -75,9 +83,7 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
         textureStore(around, p, vec4u(0u));
         return;
     }
-    // One of 16 in each 4 x 4 pixels.
-    let turn = u32(p.x & 3) | (u32(p.y & 3) << 2u);
-    let shift = vec2f(f32(turn) + 0.5, f32((turn * 7u) & 15u) + 0.5) / 16.0;
+    let shift = pattern(p);
     var across = basis_around(body.normal);
     var light = vec3f(0.0);
     var bounced = vec3f(0.0);
@@ -105,5 +111,5 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
     let cos_t = optics_cos_transmitted(cos_i, params.ior);
     let refracted = optics_refract(-body.eye, body.normal, cos_i, max(cos_t, 0.0), params.ior);
     let ground = beyond(body.position, refracted, 1.0);
-    textureStore(around, p, vec4u(packed_rgb(light), packed_shares(bounced), packed_rgb(behind), packed_rgb(ground)));
+    textureStore(around, p, vec4u(packed_rgb(light), packed_rgb(1.0 - bounced), packed_rgb(behind), packed_rgb(ground)));
 }

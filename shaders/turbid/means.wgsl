@@ -1,11 +1,12 @@
-// Light on a turbid liquid: means of what the 4 x 4 pixels around each pixel have seen (turbid/around.wgsl).
+// Light on a turbid liquid: means of what the pixels around each pixel have seen (turbid/around.wgsl), first of 4 x 4, then
+// of 3 x 3 such means. Where much of what is seen is the liquid itself, its light is a series that enlarges errors.
 
 #import shade/packed.wgsl
 #import shade/surface.wgsl
 #import turbid/params.wgsl
 
 @group(1) @binding(5) var around: texture_2d<u32>;
-// On the first surface, on the last, and of a wet solid; mean curvature of the first, 1/m.
+// On the first surface, on the last, and of a wet solid; after the second kernel mean curvature of the first, 1/m.
 @group(1) @binding(6) var light: texture_storage_2d<rgba32uint, write>;
 
 // How far pixels of one surface lie off its plane, in particle radii.
@@ -37,6 +38,36 @@ fn mean_curvature(p: vec2i, body: Body) -> f32 {
     return max(sum / max(weight, 1.0), 0.0);
 }
 
+// Light around a surface.
+struct Surroundings {
+    near: vec3f,
+    leaving: vec3f, // share that the liquid in the way does not send back
+    far: vec3f,
+    ground: vec3f,
+}
+
+// Weighted sum of the light at texels of the body's surface.
+struct Sum {
+    light: Surroundings,
+    weight: f32,
+}
+
+fn add(sum: ptr<function, Sum>, body: Body, texel: vec2i, weight: f32) {
+    let omega = camera_omega(vec2f(texel) + 0.5);
+    // Beside the liquid's tiles `around` has what it had.
+    let front = front_at(texel);
+    let disparity = max(dot(front, omega), 1e-20);
+    let most = OFF_PLANE * params.radius + camera_pixel_side(body.position);
+    let is_same = !plane_is_empty(front) && abs(depth_below(body.front, omega, disparity)) <= most;
+    let share = select(0.0, weight, is_same);
+    let bits = textureLoad(around, texel, 0);
+    (*sum).light.near += share * unpacked_rgb(bits.x);
+    (*sum).light.leaving += share * unpacked_rgb(bits.y);
+    (*sum).light.far += share * unpacked_rgb(bits.z);
+    (*sum).light.ground += share * unpacked_rgb(bits.w);
+    (*sum).weight += share;
+}
+
 @compute @workgroup_size(8, 8)
 fn average(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let p = texel_of(group, local);
@@ -47,29 +78,43 @@ fn average(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     if plane_is_empty(body.front) {
         return;
     }
-    var near = vec3f(0.0);
-    var bounced = vec3f(0.0);
-    var far = vec3f(0.0);
-    var ground = vec3f(0.0);
-    var weight = 0.0;
     let last = vec2i(camera.size) - 1;
-    let most = OFF_PLANE * params.radius + camera_pixel_side(body.position);
+    var sum: Sum;
     for (var i = 0; i < 16; i++) {
-        let texel = clamp(p + vec2i(i & 3, i >> 2u) - 2, vec2i(0), last);
-        let bits = textureLoad(around, texel, 0);
-        let omega = camera_omega(vec2f(texel) + 0.5);
-        // Beside the liquid's tiles `around` has what it had.
-        let front = front_at(texel);
-        let disparity = max(dot(front, omega), 1e-20);
-        let is_same = !plane_is_empty(front) && abs(depth_below(body.front, omega, disparity)) <= most;
-        let share = select(0.0, 1.0, is_same);
-        near += share * unpacked_rgb(bits.x);
-        bounced += share * unpacked_shares(bits.y);
-        far += share * unpacked_rgb(bits.z);
-        ground += share * unpacked_rgb(bits.w);
-        weight += share;
+        add(&sum, body, clamp(p + vec2i(i & 3, i >> 2u) - 2, vec2i(0), last), 1.0);
     }
-    let inverse = 1.0 / max(weight, 1.0);
-    let on_front = bounced_light(inverse * near, inverse * bounced);
-    textureStore(light, p, vec4u(packed_rgb(on_front), packed_rgb(inverse * far), packed_rgb(inverse * ground), bitcast<u32>(mean_curvature(p, body))));
+    let scale = 1.0 / max(sum.weight, 1.0);
+    textureStore(light, p, vec4u(
+        packed_rgb(scale * sum.light.near),
+        packed_rgb(scale * sum.light.leaving),
+        packed_rgb(scale * sum.light.far),
+        packed_rgb(scale * sum.light.ground),
+    ));
+}
+
+@compute @workgroup_size(8, 8)
+fn spread(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let p = texel_of(group, local);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    let body = body_at(p);
+    if plane_is_empty(body.front) {
+        return;
+    }
+    let last = vec2i(camera.size) - 1;
+    var sum: Sum;
+    for (var y = -1; y <= 1; y++) {
+        for (var x = -1; x <= 1; x++) {
+            add(&sum, body, clamp(p + 4 * vec2i(x, y), vec2i(0), last), f32((2 - abs(x)) * (2 - abs(y))));
+        }
+    }
+    let scale = 1.0 / max(sum.weight, 1.0);
+    let near = bounced_light(scale * sum.light.near, 1.0 - scale * sum.light.leaving);
+    textureStore(light, p, vec4u(
+        packed_rgb(near),
+        packed_rgb(scale * sum.light.far),
+        packed_rgb(scale * sum.light.ground),
+        bitcast<u32>(mean_curvature(p, body)),
+    ));
 }

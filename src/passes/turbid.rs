@@ -1,7 +1,7 @@
 //! Light around a turbid liquid, and what slabs of it scatter: `shaders/turbid/`.
 //!
-//! Each pixel looks along a few directions from the first surface of the liquid and from the last; the mean over 4×4
-//! pixels is the light around it. Refraction reads it where a ray enters the liquid, and adds what the liquid on the
+//! Each pixel looks along a few directions from the first surface of the liquid and from the last; the mean over pixels
+//! around it is the light there. Refraction reads it where a ray enters the liquid, and adds what the liquid on the
 //! ray's way scatters: that of a level slab between these lights, by the table of [`slab`].
 
 pub mod slab;
@@ -39,9 +39,10 @@ pub struct Params {
 /// Images of turbid liquids.
 #[derive(Debug)]
 pub struct TurbidImages {
-    around: wgpu::Texture,
     /// Light on the first surface at each pixel, on the last, and of a wet solid.
     pub light: wgpu::Texture,
+    /// Means over 4×4 pixels.
+    means: wgpu::Texture,
     /// Light that slabs scatter.
     pub table: wgpu::Texture,
     /// Index and anisotropy of the table.
@@ -53,9 +54,10 @@ pub struct TurbidImages {
 pub struct Turbid {
     tiles: TileLists,
     around: wgpu::ComputePipeline,
-    means: wgpu::ComputePipeline,
-    /// Group 1 of both, by section of the tiles.
-    sections: Vec<[Bound; 2]>,
+    average: wgpu::ComputePipeline,
+    spread: wgpu::ComputePipeline,
+    /// Group 1 of these, by section of the tiles.
+    sections: Vec<[Bound; 3]>,
 }
 
 /// Light of no liquid.
@@ -69,8 +71,8 @@ impl TurbidImages {
     pub fn new(gpu: &Gpu, size: UVec2, scene: &Scene) -> Self {
         let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
         Self {
-            around: gpu.texture("light around", size, 1, LIGHT, usage),
             light: gpu.texture("light on the liquid", size, 1, LIGHT, usage),
+            means: gpu.texture("means of light", size, 1, LIGHT, usage),
             table: create_table(gpu, optics(scene)),
             optics: optics(scene),
         }
@@ -128,7 +130,7 @@ impl Turbid {
     ) -> Self {
         let params = gpu.buffer_with("turbid", gpu::UNIFORM, &[Params::new(scene, radius)]);
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
-        let [around, light, table] = [&images.around, &images.light, &images.table].map(view);
+        let [light, means, table] = [&images.light, &images.means, &images.table].map(view);
         let splash = eye.splash_layers();
         let (aggregates, splashes) =
             (&eye.aggregate_layers().view, &splash.unwrap_or(eye.aggregate_layers()).view);
@@ -145,15 +147,19 @@ impl Turbid {
             let found = [
                 (read, TextureView(&eye.images.scattering.view)),
                 (read, TextureView(&table)),
-                (gpu::storage_texture(LIGHT, D2), TextureView(&around)),
-            ];
-            let averaged = [
-                (gpu::sampled_integers(), TextureView(&around)),
                 (gpu::storage_texture(LIGHT, D2), TextureView(&light)),
             ];
+            let from_to = |from, to| {
+                let images = [
+                    (gpu::sampled_integers(), TextureView(from)),
+                    (gpu::storage_texture(LIGHT, D2), TextureView(to)),
+                ];
+                gpu.bind("light on the liquid", &[&shared[..], &images].concat())
+            };
             [
                 gpu.bind("light around", &[&shared[..], &found].concat()),
-                gpu.bind("light on the liquid", &[&shared[..], &averaged].concat()),
+                from_to(&light, &means),
+                from_to(&means, &light),
             ]
         };
         let sections: Vec<_> = tiles.sections().map(of_section).collect();
@@ -171,22 +177,23 @@ impl Turbid {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
             gpu.kernel(shader, Default::default(), entry, &layouts, &[own, &shared].concat())
         };
-        let [found, averaged] = &sections[0];
-        let [around, means] = gpu.pipelines([
+        let [found, averaged, _] = &sections[0];
+        let [around, average, spread] = gpu.pipelines([
             kernel("turbid/around.wgsl", "look_around", found, &mixtures),
             kernel("turbid/means.wgsl", "average", averaged, &[]),
+            kernel("turbid/means.wgsl", "spread", averaged, &[]),
         ]);
-        Self { tiles: tiles.clone(), around, means, sections }
+        Self { tiles: tiles.clone(), around, average, spread, sections }
     }
 
     /// Records the light.
     pub fn record(&self, commands: &mut Commands<'_>, eye: &ViewPasses, span: Span<'_>) {
-        let Self { tiles, around, means, sections } = self;
+        let Self { tiles, around, average, spread, sections } = self;
         tiles.run_on_liquid(
             commands,
             ("turbid", span),
             WORK,
-            [around, means],
+            [around, average, spread],
             |section, kernel| {
                 let own = &sections[section as usize][kernel];
                 [&eye.camera.group, &own.group, &eye.scene.group]

@@ -133,6 +133,8 @@ pub(super) const LOOPS: [KnownLoop; 191] = [
     ("turbid/around.wgsl", "look_around", "for (var i = 0u; i < BACK_DIRECTIONS; i++)", "a constant"),
     ("turbid/means.wgsl", "mean_curvature", "for (var i = 0; i < 4; i++)", "a constant"),
     ("turbid/means.wgsl", "average", "for (var i = 0; i < 16; i++)", "a constant"),
+    ("turbid/means.wgsl", "spread", "for (var y = -1; y <= 1; y++)", "a constant"),
+    ("turbid/means.wgsl", "spread", "for (var x = -1; x <= 1; x++)", "a constant"),
     ("mixture/sums.wgsl", "draw", "for (var base = entries.begin; base < entries.inner_end; base += THREADS)", "the splats of a tile's list"),
     ("mixture/sums.wgsl", "draw", "for (var k = 0u; k < min(THREADS, entries.inner_end - base); k++)", "the splats of a tile's list"),
     ("mixture/sums.wgsl", "draw", "for (var i = entries.begin; i < entries.inner_end; i++)", "the splats of a tile's list"),
