@@ -35,7 +35,8 @@ pub(crate) struct Dirty {
 
 impl Dirty {
     /// Everything is dirty.
-    const ALL: Self = Self { splats: true, lights: true, surfaces: true, radiance: true };
+    pub(crate) const ALL: Self =
+        Self { splats: true, lights: true, surfaces: true, radiance: true };
 
     /// Compares a frame with the last one; everything is dirty if there is none. `splats`: its splats differ.
     pub(crate) fn since(
@@ -100,6 +101,7 @@ impl LastFrame {
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
             kept.device.clone_from(&splats.device);
             kept.colors.clone_from(&splats.colors);
+            kept.opaque.clone_from(&splats.opaque);
         }
         Self { scene: scene.clone(), view, splats: kept, config, diagnosed: diagnose }
     }
@@ -133,6 +135,7 @@ fn same_splats(a: &Splats, b: &Splats) -> bool {
         && a.origin == b.origin
         && a.device == b.device
         && a.colors == b.colors
+        && a.opaque == b.opaque
         && a.aggregates.len() == b.aggregates.len()
         && a.splashes.len() == b.splashes.len()
         && bytes(&a.aggregates) == bytes(&b.aggregates)

@@ -84,6 +84,7 @@ pub mod mesh;
 pub mod motion;
 #[cfg(feature = "image")]
 pub mod offscreen;
+mod opaque_fluids;
 #[doc(hidden)]
 pub mod passes;
 pub mod renderer;

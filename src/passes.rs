@@ -19,6 +19,7 @@ pub mod host;
 pub mod mesh_buffers;
 pub mod mips;
 pub mod mixture;
+pub mod opaque;
 pub mod refract;
 pub mod scene_binding;
 pub mod shade;

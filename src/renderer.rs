@@ -6,7 +6,7 @@ use glam::UVec2;
 
 use crate::background::Background;
 use crate::camera::View;
-use crate::dirty::LastFrame;
+use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
 use crate::frame::{FrameInput, Target};
@@ -16,6 +16,7 @@ use crate::lights::Lights;
 use crate::liquid::blocks::Blocks;
 use crate::liquid::classify::colors::ColorMap;
 use crate::memory;
+use crate::opaque_fluids::OpaqueFluids;
 use crate::passes::caustics::CausticMap;
 use crate::passes::color::{Color, ColorImages};
 use crate::passes::host::HostPass;
@@ -53,6 +54,8 @@ pub struct Renderer {
     shaded: Option<ShadeImages>,
     /// Of turbid liquids.
     clouded: Option<TurbidImages>,
+    /// Of opaque fluids among others.
+    opaque: Option<OpaqueFluids>,
     /// Of opaque bodies whose particles have colours.
     colored: Option<ColorImages>,
     surface: SurfaceBuffers,
@@ -120,6 +123,7 @@ impl Renderer {
             picture: RefractImages::new(gpu, UVec2::ONE, false),
             shaded: None,
             clouded: None,
+            opaque: None,
             colored: None,
             surface: SurfaceBuffers::new(gpu),
             tonemap: Tonemap::new(gpu, false),
@@ -304,6 +308,10 @@ impl Renderer {
         self.gpu.check_size(size)?;
         view_range::check_scale(splats, &view)?;
         input.host.map_or(Ok(()), |host| host.check(&view, splats.radius, size))?;
+        if splats.opaque.is_some() && (input.host.is_some() || scene.is_opaque()) {
+            let problem = "opaque fluids among others are drawn neither into a host's frame nor in an opaque liquid";
+            return Err(Error::invalid("[[fluid]]", problem));
+        }
         input.surface.map_or(Ok(()), |motion| motion.check(&view, splats))?;
         let Environment::Map { size, pixels } = &scene.environment else { return Ok(()) };
         self.gpu.check_image(*size, Limited::Environment)?;
@@ -351,7 +359,7 @@ impl Renderer {
         self.meshes.prepare(gpu, input.scene)?;
         let inputs = frame.inputs(&self.splat_set, &self.meshes);
         let lights = match frame.dirty.lights {
-            true => self.lights.prepare(gpu, inputs)?,
+            true => self.lights.prepare(gpu, frame.light_inputs(&self.splat_set, &self.meshes))?,
             false => Vec::new(),
         };
         let (views, maps) = (self.lights.views(), self.lights.maps());
@@ -367,7 +375,7 @@ impl Renderer {
         if frame.dirty.surfaces && frame.variant.mips() {
             let mut layers = vec![&self.camera_view.aggregate_layers().texture];
             layers.extend(self.camera_view.splash_layers().map(|splash| &splash.texture));
-            let on_screen = frame.screen_solids || input.host.is_some();
+            let on_screen = frame.screen_solids || frame.config.host;
             layers.extend(on_screen.then_some(&images.gbuffer.planes));
             frame.mips = Some(Mips::prepare(gpu, &layers));
         }
@@ -384,8 +392,9 @@ impl Renderer {
             let surface = SurfacePass::prepare(gpu, eye, request, motion, &params, size, kept)?;
             frame.surface = Some(surface);
         }
+        self.prepare_opaque(&mut frame)?;
         // Drivers may crash where they compile without memory.
-        gpu.check()?;
+        self.gpu.check()?;
         Ok(frame)
     }
 
@@ -403,11 +412,32 @@ impl Renderer {
         };
         let structure = frame.input.scene.settings.refract.structure;
         let params = &frame.refract_params();
-        let body = frame.shade.as_ref().and(self.shaded.as_ref()).map(|shaded| &shaded.radiance);
+        let alone = frame.shade.as_ref().and(self.shaded.as_ref()).map(|shaded| &shaded.radiance);
+        let body = alone.or(self.opaque.as_ref().map(OpaqueFluids::radiance));
         let (turbid, work) = (self.clouded.as_ref(), frame.work);
         let inputs = refract::Inputs { eye, params, structure, behind, body, turbid, work };
         frame.refract = Some(Refract::prepare(&self.gpu, frame.variant, inputs, &mut self.picture));
         self.compiled = Some((frame.variant, eye.scene.variant));
+    }
+
+    /// Prepares the opaque fluids among others.
+    fn prepare_opaque(&mut self, frame: &mut PreparedFrame<'_>) -> Result<()> {
+        let FrameInput { scene, splats, size, view, .. } = frame.input;
+        let Some(splats) = &splats.opaque else {
+            self.opaque = None;
+            return Ok(());
+        };
+        let (gpu, orthographic) = (&self.gpu, view.is_orthographic());
+        let mut dirty = frame.dirty;
+        self.opaque.take_if(|opaque| !opaque.fits(size, orthographic));
+        let opaque = self.opaque.get_or_insert_with(|| {
+            dirty = Dirty::ALL;
+            OpaqueFluids::new(gpu, size, orthographic)
+        });
+        let (gbuffer, eye) = (&self.camera_view.images.gbuffer, (&view, frame.uniform.far.into()));
+        let inputs = (scene, &**splats);
+        frame.opaque = Some(opaque.prepare(gpu, inputs, &self.meshes, eye, dirty, gbuffer)?);
+        Ok(())
     }
 
     /// Prepares the radiance of an opaque body.
@@ -426,7 +456,7 @@ impl Renderer {
         let colored = self.colored.as_ref().filter(|_| colors.is_some());
         let colored = colored.map(|colored| &colored.texture);
         let images = self.shaded.get_or_insert_with(|| ShadeImages::new(gpu, size));
-        frame.shade = Some(Shade::prepare(gpu, eye, scene, splats.radius, colored, images));
+        frame.shade = Some(Shade::prepare(gpu, eye, scene, (splats.radius, 1.0), colored, images));
     }
 
     /// Prepares the light around a turbid liquid.
@@ -445,8 +475,12 @@ impl Renderer {
     /// A timer for all passes of a frame.
     fn timer(&self, frame: &PreparedFrame<'_>) -> Timer {
         // Those of the views; then host, mips, color, shade, turbid, refract, surface and tonemap, and the caustics of each light.
-        let of_lights = (PassNames::COUNT + 1) * self.lights.views().len();
-        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 8 + of_lights)
+        let (opaque, views) = self
+            .opaque
+            .as_ref()
+            .map_or((0, 0), |opaque| (OpaqueFluids::PASSES, opaque.light_views()));
+        let of_lights = (PassNames::COUNT + 1) * (self.lights.views().len() + views);
+        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 8 + opaque + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
@@ -456,13 +490,18 @@ impl Renderer {
         commands: &mut Commands<'_>,
         timer: &mut Timer,
     ) {
-        let inputs = frame.inputs(&self.splat_set, &self.meshes);
+        let inputs = frame.light_inputs(&self.splat_set, &self.meshes);
         self.lights.record(&frame.lights, commands, inputs, timer);
         if let Some(view) = &frame.view {
             self.camera_view.record(view, commands, timer, PassNames::CAMERA);
         }
         if let Some(host) = &frame.host {
             host.record(commands.encoder, &self.camera_view.camera, timer.span("host"));
+        }
+        let splats = frame.input.splats.opaque.as_deref();
+        if let (Some(opaque), Some(prepared), Some(splats)) = (&self.opaque, &frame.opaque, splats)
+        {
+            opaque.record(prepared, splats, &self.meshes, commands, timer);
         }
         if let Some(mips) = &frame.mips {
             mips.record(commands.encoder, timer.span("mips"));

@@ -34,7 +34,7 @@ struct Params {
 @group(1) @binding(10) var host_color: texture_2d<f32>; // or the background
 // Of `structured_pixels`: the picture with one ray per pixel.
 @group(1) @binding(11) var first_radiance: texture_2d<f32>;
-// Of `opaque`: shade/body.wgsl.
+// Of opaque bodies and fluids: shade/body.wgsl.
 @group(1) @binding(12) var body_radiance: texture_2d<f32>;
 // Of turbid liquids: scattering times length, length; turbid/means.wgsl; turbid/slab.wgsl.
 @group(1) @binding(13) var scattering_mixture: texture_2d<f32>;

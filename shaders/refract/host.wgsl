@@ -1,4 +1,4 @@
-// What another picture shows of the opaque scene: that of a host program, or the background.
+// What another picture shows of the opaque scene: that of a host program, of opaque fluids, or the background.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -67,6 +67,13 @@ fn shown_difference(x: vec3f) -> f32 {
     return SHOWN * camera_pixel_side(x) * select(disparity * disparity, 1.0, ORTHOGRAPHIC);
 }
 
+fn shown_color(texel: vec2i) -> vec3f {
+    if OPAQUE_FLUIDS {
+        return textureLoad(body_radiance, texel, 0).rgb;
+    }
+    return textureLoad(host_color, texel, 0).rgb;
+}
+
 // Radiance at a pixel position, interpolated between those texels that show the sky, or a surface of this
 // disparity there.
 fn host_radiance(u: vec2f, disparity: f32, sky: bool) -> vec3f {
@@ -78,6 +85,7 @@ fn host_radiance(u: vec2f, disparity: f32, sky: bool) -> vec3f {
         most = shown_difference(camera_point(omega, disparity));
     }
     var sum = vec4f(0.0);
+    var any_surface = vec4f(0.0);
     for (var k = 0u; k < 4u; k++) {
         let corner = vec2f(vec2u(k & 1u, k >> 1u));
         let texel = clamp(vec2i(base + corner), vec2i(0), vec2i(camera.size) - 1);
@@ -85,9 +93,15 @@ fn host_radiance(u: vec2f, disparity: f32, sky: bool) -> vec3f {
         let near = !plane_is_empty(plane) && abs(dot(plane, omega) - disparity) <= most;
         let share = mix(1.0 - f, f, corner);
         let weight = select(0.0, share.x * share.y, select(near, plane_is_empty(plane), sky));
-        sum += weight * vec4f(textureLoad(host_color, texel, 0).rgb, 1.0);
+        let color = vec4f(shown_color(texel), 1.0);
+        sum += weight * color;
+        any_surface += select(share.x * share.y, 0.0, plane_is_empty(plane)) * color;
     }
-    let nearest = textureLoad(host_color, clamp(vec2i(u), vec2i(0), vec2i(camera.size) - 1), 0).rgb;
+    if OPAQUE_FLUIDS && sum.w < 1e-3 && any_surface.w > 0.0 {
+        // Elsewhere the picture has no color.
+        return any_surface.rgb / any_surface.w;
+    }
+    let nearest = shown_color(clamp(vec2i(u), vec2i(0), vec2i(camera.size) - 1));
     return select(nearest, sum.rgb / max(sum.w, 1e-3), sum.w >= 1e-3);
 }
 

@@ -36,8 +36,8 @@ const STRONG: f32 = 0.3;
 
 // Whether limpid lights the solid.
 fn is_lit(solid: SolidHit) -> bool {
-    if HOST && solid.index == HOST_SCENE {
-        return false;
+    if (HOST || OPAQUE_FLUIDS) && solid.index == HOST_SCENE {
+        return OPAQUE_FLUIDS;
     }
     return solids[solid.index].lit == 1u;
 }
@@ -236,7 +236,7 @@ fn touches(solid: SolidHit, at: vec3f, x: vec3f) -> bool {
     if !CONTACT || solid.t >= NOTHING {
         return false;
     }
-    if HOST && solid.index == HOST_SCENE {
+    if (HOST || OPAQUE_FLUIDS) && solid.index == HOST_SCENE {
         return abs(dot(solid.normal, camera_world_direction(x - at))) <= params.contact;
     }
     if has_shape(MESH) && solid.triangle != NO_TRIANGLE {
@@ -456,7 +456,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             ends = !bounce && f >= 1.0;
             inside = bounce || !inside;
         }
-        if ANY_LIT && wet {
+        if (ANY_LIT || OPAQUE_FLUIDS) && wet {
             // Starts within the layers' liquid: the solid may be slightly beyond it.
             o += min(solid.t, select(NOTHING, to_hit, hit.found)) * d;
             rises = ABSORPTION && is_lit(solid) && in_picture(o);

@@ -10,10 +10,12 @@
 #import common/screen_ray.wgsl
 #import refract/bindings.wgsl
 #import refract/host.wgsl
+#import refract/opaque_fluids.wgsl
 #import refract/slabs.wgsl
 
 override SCREEN_SOLIDS: bool = false;     // look up solids in the G-buffer first
 override HOST: bool = false;              // another program has drawn the opaque scene: refract/host.wgsl
+override OPAQUE_FLUIDS: bool = false;     // some of the fluids are opaque: opaque.wgsl
 override BACKGROUND: bool = false;        // the scene has a background picture: refract/host.wgsl
 override TRANSPARENT: bool = false;       // no coverage where a ray meets neither liquid nor solid
 override SAMPLES: u32 = 1u;               // rays per pixel
@@ -41,6 +43,9 @@ fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
     if HOST {
         return host_ahead(o, d, hit);
     }
+    if OPAQUE_FLUIDS {
+        return opaque_fluid_ahead(o, d, hit);
+    }
     return hit;
 }
 
@@ -49,7 +54,17 @@ fn first_solid(omega: vec3f, texel: vec2i) -> SolidHit {
     if HOST {
         return host_hit(omega, texel);
     }
-    return solid_ahead(camera_ray_origin(omega), camera_ray_direction(omega));
+    let o = camera_ray_origin(omega);
+    let d = camera_ray_direction(omega);
+    if OPAQUE_FLUIDS {
+        let solid = scene_trace(camera_world_point(o), camera_world_direction(d));
+        let shown = host_hit(omega, texel);
+        if shown.t < solid.t {
+            return shown;
+        }
+        return solid;
+    }
+    return solid_ahead(o, d);
 }
 
 // A terminated ray, whose radiance is looked up and weighted by `weight`.
@@ -113,6 +128,13 @@ fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f, travelled: f
     }
     if solid.t >= NOTHING {
         return environment_over(world_d, spread);
+    }
+    if OPAQUE_FLUIDS && solid.index == HOST_SCENE {
+        let x = o + solid.t * d;
+        // Light that comes out through the film around it, for rays that have not entered it.
+        let outside = (params.ambient_shares.x + params.ambient_shares.y) / (params.ior * params.ior);
+        let share = select(ambient, vec3f(outside), ambient == vec3f(1.0));
+        return share * host_radiance(camera_pixel(x), camera_disparity(x), false);
     }
     let x = camera_world_point(o) + solid.t * world_d;
     let width = ray_width(travelled + solid.t);

@@ -109,7 +109,7 @@ fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
 // Whether solids hide the liquid over the whole pixel, tested at its centre and corners. The front's
 // plane may be steep at a rim, so a solid in front of its depth at the centre suffices.
 fn is_hidden(p: vec2i) -> bool {
-    if SOLIDS == 0u && !HOST {
+    if SOLIDS == 0u && !HOST && !OPAQUE_FLUIDS {
         return false;
     }
     let middle = camera_omega(vec2f(p) + 0.5);

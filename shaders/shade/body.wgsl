@@ -116,7 +116,7 @@ fn shade_body(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
         let reflected = coat_reflectance(max(dot(h, to_light.direction), 0.0));
         mirrored += reflected * coat_lobe(max(dot(h, n), 0.0), cos_i, cos_o) * irradiance;
     }
-    var radiance = albedo * diffuse;
+    var radiance = albedo * diffuse / (1.0 - params.film_reflectance * albedo);
     if COATED {
         radiance = (1.0 - around.reflectance) * radiance + mirrored;
     }

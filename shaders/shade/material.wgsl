@@ -9,6 +9,7 @@ struct Params {
     roughness: f32,            // alpha of the coat's microfacets (Walter et al. 2007)
     mean_transmittance: f32,   // of the coat, for light from everywhere
     radius: f32,               // of particles, m
+    film_reflectance: f32,     // of the surface of liquid around the body, for light from everywhere inside; 0 for none
 }
 
 override COLORED: bool = false; // particles have colours: color/means.wgsl

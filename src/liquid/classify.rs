@@ -149,6 +149,9 @@ pub struct Splats {
     pub device: Option<DeviceSplats>,
     /// Colours of the particles, which opaque bodies show in place of one colour for all.
     pub colors: Option<Colors>,
+    /// The opaque fluids among these particles, classified alone, in their [colours](Self::colors). They are seen through
+    /// the others.
+    pub opaque: Option<Box<Splats>>,
 }
 
 impl Splats {
@@ -395,6 +398,7 @@ impl Cloud {
             bulk: None,
             device: None,
             colors: None,
+            opaque: None,
         }
     }
 }

@@ -31,8 +31,8 @@ pub struct Params {
     pub mean_transmittance: f32,
     /// Radius of particles, m.
     pub radius: f32,
-    /// Padding.
-    pub pad: u32,
+    /// Share of light from everywhere inside that the surface of a film around the body reflects; 0 for none.
+    pub film_reflectance: f32,
 }
 
 /// Images of opaque bodies.
@@ -66,15 +66,19 @@ impl ShadeImages {
 
 impl Params {
     /// The parameters of a scene whose particles have `radius`, m.
-    pub fn new(scene: &Scene, radius: f32) -> Self {
+    /// Liquid of index `film`, or 1, covers the body.
+    pub fn new(scene: &Scene, radius: f32, film: f32) -> Self {
         let liquid = &scene.liquid;
+        // Inside, as outside, even light is the same before and behind the surface.
+        let film_reflectance =
+            1.0 - mean_transmittance(film.max(1.0).into()) as f32 / film.max(1.0).powi(2);
         Self {
             albedo: liquid.color.to_array(),
             ior: liquid.ior,
             roughness: liquid.roughness,
             mean_transmittance: mean_transmittance(liquid.ior.into()) as f32,
             radius,
-            pad: 0,
+            film_reflectance,
         }
     }
 }
@@ -94,16 +98,17 @@ fn mean_transmittance(eta: f64) -> f64 {
 }
 
 impl Shade {
-    /// Prepares the body that `eye` shows, whose particles have `radius`, m, and `colors`, if those are given.
+    /// Prepares the body that `eye` shows, whose particles have `radius`, m, and `colors`, if those are given. Liquid of index
+    /// `film` covers it; 1 for none.
     pub fn prepare(
         gpu: &Gpu,
         eye: &ViewPasses,
         scene: &Scene,
-        radius: f32,
+        (radius, film): (f32, f32),
         colors: Option<&wgpu::Texture>,
         images: &ShadeImages,
     ) -> Self {
-        let params = Params::new(scene, radius);
+        let params = Params::new(scene, radius, film);
         let params = gpu.buffer_with("shade", gpu::UNIFORM, &[params]);
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
         let [around, radiance] = [&images.around, &images.radiance].map(view);

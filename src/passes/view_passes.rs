@@ -197,6 +197,20 @@ impl PassNames {
         gbuffer: "gbuffer",
     };
 
+    /// The names of the camera's passes of opaque fluids.
+    pub const OPAQUE: Self = Self {
+        splat: "opaque splat",
+        splashes: "opaque splashes",
+        mixture: "opaque mixture",
+        scattering: "opaque mixture of scattering",
+        gaps: "opaque gaps",
+        tiles: "opaque tiles",
+        smooth: "opaque smooth",
+        smooth_gaps: "opaque smooth gaps",
+        bounds: "opaque bounds",
+        gbuffer: "opaque gbuffer",
+    };
+
     /// The names of a light's passes.
     pub const LIGHT: Self = Self {
         splat: "light splat",

@@ -6,6 +6,7 @@ use crate::frame::FrameInput;
 use crate::gpu::Gpu;
 use crate::lights::PreparedLight;
 use crate::liquid::blocks::Blocks;
+use crate::opaque_fluids::{self, PreparedOpaque};
 use crate::passes::color::Color;
 use crate::passes::gaps;
 use crate::passes::host::HostPass;
@@ -18,6 +19,7 @@ use crate::passes::surface::SurfacePass;
 use crate::passes::tiles::Sections;
 use crate::passes::turbid::Turbid;
 use crate::passes::view_passes::{FrameInputs, PreparedView, SplatSet, ViewConfig};
+use crate::scene::Scene;
 use crate::settings::Solids;
 use crate::view_range;
 
@@ -36,12 +38,16 @@ pub struct PreparedFrame<'a> {
     pub(super) starts_inside: bool,
     /// Rays intersect solids in the G-buffer.
     pub(super) screen_solids: bool,
+    /// The scene that light meets, if it is another than the eye's.
+    pub(super) light_scene: Option<Scene>,
     /// Passes of the lights' views, if those are drawn.
     pub(super) lights: Vec<PreparedLight>,
     /// Passes of the camera's view, if that is drawn.
     pub(super) view: Option<PreparedView>,
     /// The G-buffer of a host's scene.
     pub(super) host: Option<HostPass>,
+    /// The opaque fluids, if there are any.
+    pub(super) opaque: Option<PreparedOpaque>,
     /// Mip levels of the layers, if the intersector reads them.
     pub(super) mips: Option<Mips>,
     /// Colours of an opaque body's surface, if they are drawn.
@@ -70,12 +76,16 @@ impl<'a> PreparedFrame<'a> {
     ) -> Self {
         let FrameInput { scene, view, splats, size, host, diagnose, .. } = input;
         let settings = &scene.settings;
-        let screen_solids =
-            settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
+        let screen_solids = settings.refract.solids == Solids::Screen
+            && !scene.solids.is_empty()
+            && host.is_none()
+            && splats.opaque.is_none();
         let splash = splats.has_splashes();
         let interfaces = if scene.is_opaque() { 1 } else { settings.refract.interfaces };
         let gaps = gaps::count(&settings.layers, interfaces, splats);
+        let has_opaque = splats.opaque.is_some();
         let variant = Variant::new(scene, splash, gaps, host.is_some(), diagnose);
+        let variant = if has_opaque { variant.with_opaque_fluids() } else { variant };
         let starts_inside = view_range::may_start_inside(splats, blocks, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
@@ -88,7 +98,7 @@ impl<'a> PreparedFrame<'a> {
             scattering: variant.scattering_mixture,
             attenuates: false,
             gbuffer: screen_solids || diagnose,
-            host: host.is_some(),
+            host: host.is_some() || has_opaque,
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: interfaces > 1 || diagnose || starts_inside,
             gaps,
@@ -112,9 +122,14 @@ impl<'a> PreparedFrame<'a> {
             work,
             starts_inside,
             screen_solids,
+            light_scene: splats
+                .opaque
+                .as_ref()
+                .map(|opaque| opaque_fluids::light_scene(scene, opaque)),
             lights: Vec::new(),
             view: None,
             host: None,
+            opaque: None,
             mips: None,
             color: None,
             shade: None,
@@ -133,6 +148,16 @@ impl<'a> PreparedFrame<'a> {
     ) -> FrameInputs<'b> {
         let FrameInput { scene, splats, .. } = self.input;
         FrameInputs { scene, splats, splat_set, meshes, fits: &self.fits }
+    }
+
+    /// The inputs of the lights.
+    pub(super) fn light_inputs<'b>(
+        &'b self,
+        splat_set: &'b SplatSet,
+        meshes: &'b MeshBuffers,
+    ) -> FrameInputs<'b> {
+        let inputs = self.inputs(splat_set, meshes);
+        FrameInputs { scene: self.light_scene.as_ref().unwrap_or(inputs.scene), ..inputs }
     }
 
     pub(super) fn refract_params(&self) -> refract::Params {

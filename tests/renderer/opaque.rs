@@ -293,3 +293,67 @@ fn given_colors_are_shown() {
         assert!(off <= 0.005, "{p}: {} instead of {}", given.radiance(p), one.radiance(p));
     }
 }
+
+/// A ball of clear liquid around an opaque ball of one colour.
+fn ball_in_ball(radius: f32, color: Vec3) -> Splats {
+    let inner = splats(&[sphere(INNER, 0.4)], &[], radius);
+    let particles = Particles::from_positions(vec![INNER]);
+    let colors = Colors::given(&particles, 0.4, &inner, &[color]).expect("one colour");
+    let opaque = Some(Box::new(Splats { colors: Some(colors), ..inner }));
+    Splats { opaque, ..splats(&[sphere(Vec3::ZERO, 1.0)], &[], radius) }
+}
+
+const INNER: Vec3 = Vec3::new(0.4, -0.2, 0.2);
+
+/// A white fluid in a clear one, with light of one radiance from everywhere, cannot be seen.
+#[test]
+fn white_fluids_vanish_in_a_furnace() {
+    let Some(mut harness) = harness() else { return };
+    let liquid = ball_in_ball(0.05, Vec3::ONE);
+    for camera in [on_axis(4.0, 35.0), on_axis(2.0, 60.0)] {
+        let images = harness.render(&scene(), &camera, &liquid, SIZE);
+        images.assert_finite();
+        for p in images.pixels() {
+            let radiance = images.radiance(p);
+            let off = (radiance - 1.0).abs().max_element();
+            assert!(off <= 0.02, "{p}: {radiance}");
+        }
+    }
+}
+
+/// A black fluid in a clear one is seen, refracted, where rays of geometrical optics meet it.
+#[test]
+fn opaque_fluids_are_refracted() {
+    const RADIUS: f32 = 0.02;
+    let Some(mut harness) = harness() else { return };
+    let (camera, liquid) = (on_axis(4.0, 35.0), ball_in_ball(RADIUS, Vec3::ZERO));
+    let view = View::new(&camera, SIZE);
+    let images = harness.render(&scene(), &camera, &liquid, SIZE);
+    // A film of the clear fluid always covers the opaque one.
+    let inner = 0.4 - 0.5 * f64::from(RADIUS);
+    let meets = |p: UVec2| {
+        let (o, d) = (camera.eye, view.world_vector(view.through(p)).normalize());
+        let x = o + entry(o, d, 1.0)? * d;
+        let cos_i = -d.dot(x);
+        let sin2_t = (1.0 - cos_i * cos_i) / (1.33 * 1.33);
+        let inside = d / 1.33 + (cos_i / 1.33 - (1.0 - sin2_t).sqrt()) * x;
+        entry(x - INNER.as_dvec3(), inside.normalize(), inner)
+    };
+    let (mut dark, mut off) = (0, 0);
+    for p in images.pixels() {
+        let expected = meets(p).is_some();
+        // Near its outline much of the light is reflected.
+        let seen = images.radiance(p).x < 0.5;
+        dark += u32::from(expected);
+        off += u32::from(expected != seen);
+    }
+    assert!(dark > 400, "{dark} rays meet it");
+    assert!(off * 12 <= dark, "{off} pixels are wrong, {dark} rays meet it");
+}
+
+/// Distance to a sphere around the origin.
+fn entry(o: DVec3, d: DVec3, radius: f64) -> Option<f64> {
+    let along = -o.dot(d);
+    let square = radius * radius - (o + along * d).length_squared();
+    (square > 0.0).then(|| along - square.sqrt())
+}

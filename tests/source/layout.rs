@@ -10,8 +10,8 @@ use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
-    Layers, bins, caustics, color, gaps, host, refract, scene_binding, shade, smooth, surface,
-    tiles, tonemap, turbid,
+    Layers, bins, caustics, color, gaps, host, opaque, refract, scene_binding, shade, smooth,
+    surface, tiles, tonemap, turbid,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -204,6 +204,7 @@ fn passes() -> Vec<Shared> {
     let structure = rust_struct!(refract::StructureParams { structure });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded, dither, first_row });
     let host = rust_struct!(host::Params { offset, slope, cleared });
+    let opaque = rust_struct!(opaque::Params { depth });
     let surface = rust_struct!(surface::Params {
         previous_from_world,
         offset,
@@ -229,8 +230,14 @@ fn passes() -> Vec<Shared> {
         pad,
     });
     let coloring = rust_struct!(color::Coloring { per_radius, low, per_range });
-    let shade =
-        rust_struct!(shade::Params { albedo, ior, roughness, mean_transmittance, radius, pad });
+    let shade = rust_struct!(shade::Params {
+        albedo,
+        ior,
+        roughness,
+        mean_transmittance,
+        radius,
+        film_reflectance
+    });
     let turbid = rust_struct!(turbid::Params { absorption, radius, scattering, ior });
     let sections = rust_struct!(tiles::Sections { tiles, words, count });
     vec![
@@ -239,6 +246,7 @@ fn passes() -> Vec<Shared> {
         (refract, "refract/guarded.wgsl", "Params"),
         (tonemap, "tonemap.wgsl", "Params"),
         (host, "host.wgsl", "Params"),
+        (opaque, "opaque.wgsl", "Params"),
         (surface, "surface/images.wgsl", "Params"),
         (caustics, "caustics/deposit.wgsl", "CausticParams"),
         (sections, "tiles.wgsl", "Sections"),

@@ -164,6 +164,35 @@ fn every_kind_of_frame_is_valid() {
     }
 }
 
+/// Opaque fluids among others, with every intersector that binds other images.
+#[test]
+fn opaque_fluids_are_valid() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    let particles = Particles::from_positions(vec![Vec3::ZERO; 2]);
+    let colors = Colors::given(&particles, 0.1, &splats(2, 0), &[Vec3::X; 2]).ok();
+    let mut base = Scene { fluids: vec![Medium::default(); 2], solids: solids(), ..scene() };
+    base.solids.iter_mut().for_each(|solid| solid.lit = true);
+    for (solver, splashes, lights) in [
+        (Solver::Newton, 0, vec![]),
+        (Solver::Guarded, 3, lights()),
+        (Solver::Plane3, 0, lights()),
+        (Solver::March, 3, vec![]),
+        (Solver::Single, 0, lights()),
+    ] {
+        for (diagnose, transparent) in [(true, true), (false, false)] {
+            let mut scene = Scene { lights: lights.clone(), ..base.clone() };
+            scene.settings.refract.solver = solver;
+            scene.settings.refract.transparent = transparent;
+            let opaque = Splats { colors: colors.clone(), ..splats(2, splashes) };
+            let splats = Splats { opaque: Some(Box::new(opaque)), ..splats(5, splashes) };
+            let input = FrameInput::new(&scene, &camera(), &splats, UVec2::new(33, 17));
+            device.render(&mut renderer, FrameInput { diagnose, ..input });
+            assert_eq!(device.errors(), [""; 0], "{solver:?}, {splashes} splashes");
+        }
+    }
+}
+
 /// Opaque bodies of all kinds, one after the other.
 #[test]
 fn opaque_bodies_are_valid() {

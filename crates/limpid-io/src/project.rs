@@ -31,6 +31,7 @@ use crate::media::MediumName;
 use crate::particles::{AttributeMap, Selection};
 use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
+use limpid::glam::Vec3;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
 use limpid::scene::{Kind, Liquid, Scene, Shape};
@@ -58,6 +59,8 @@ pub struct Project {
     pub processor: Processor,
     /// The attribute that colours an opaque body, if its particles do not share one colour.
     pub color_by: Option<ColorBy>,
+    /// Colours of the opaque fluids among several, linear RGB from 0 to 1: of each fluid, if it is opaque. Empty if none is.
+    pub opaque_fluids: Vec<Option<Vec3>>,
     /// The parts of the scene that a look provides once the particles are known; `None` if the scene is
     /// complete.
     pub automatic: Option<Automatic>,

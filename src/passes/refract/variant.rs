@@ -45,6 +45,8 @@ pub struct Variant {
     pub reflections: Reflections,
     /// A host has drawn the opaque scene.
     pub host: bool,
+    /// Some of the fluids are opaque.
+    pub opaque_fluids: bool,
     /// The scene has a background picture.
     pub background: bool,
     /// The environment covers no pixel.
@@ -87,12 +89,18 @@ impl Variant {
             solids: if host || scene.solids.is_empty() { Solids::Exact } else { settings.solids },
             reflections: settings.reflections,
             host,
+            opaque_fluids: false,
             background: scene.background.is_some() && !host,
             transparent: settings.transparent,
             gaps,
             opaque: scene.is_opaque(),
             count,
         }
+    }
+
+    /// The variant of a frame some of whose fluids are opaque.
+    pub fn with_opaque_fluids(self) -> Self {
+        Self { opaque_fluids: true, solids: Solids::Exact, ..self }
     }
 
     /// The settings that pictures of opaque bodies depend on; the others have their defaults.
@@ -160,11 +168,12 @@ impl Variant {
     }
 
     /// Switches of `refract/looks.wgsl` and `refract/pixels.wgsl`.
-    fn switches(self) -> [(&'static str, f64); 6] {
+    fn switches(self) -> [(&'static str, f64); 7] {
         [
             ("SPLASH", self.splash),
             ("SCREEN_SOLIDS", self.solids == Solids::Screen),
             ("HOST", self.host),
+            ("OPAQUE_FLUIDS", self.opaque_fluids),
             ("BACKGROUND", self.background),
             ("TRANSPARENT", self.transparent),
             ("COUNT", self.count),

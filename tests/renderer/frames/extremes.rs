@@ -112,6 +112,7 @@ fn scale_does_not_change_the_picture() {
             is_hull: false,
             device: None,
             colors: None,
+            opaque: None,
             bulk: None,
         };
         let mut scene = scene.clone();

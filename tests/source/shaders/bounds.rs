@@ -4,7 +4,7 @@ use super::library::KnownLoop;
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-pub(super) const LOOPS: [KnownLoop; 191] = [
+pub(super) const LOOPS: [KnownLoop; 195] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -132,6 +132,8 @@ pub(super) const LOOPS: [KnownLoop; 191] = [
     ("turbid/around.wgsl", "look_around", "for (var i = 0u; i < DIRECTIONS; i++)", "a constant"),
     ("turbid/around.wgsl", "look_around", "for (var i = 0u; i < BACK_DIRECTIONS; i++)", "a constant"),
     ("turbid/means.wgsl", "mean_curvature", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("refract/opaque_fluids.wgsl", "opaque_fluid_ahead", "for (var i = 0u; i <= SAMPLED; i++)", "a constant"),
+    ("refract/opaque_fluids.wgsl", "opaque_fluid_ahead", "for (var i = 0u; i < REFINEMENTS; i++)", "a constant"),
     ("turbid/means.wgsl", "average", "for (var i = 0; i < 16; i++)", "a constant"),
     ("turbid/means.wgsl", "spread", "for (var y = -1; y <= 1; y++)", "a constant"),
     ("turbid/means.wgsl", "spread", "for (var x = -1; x <= 1; x++)", "a constant"),

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use limpid::glam::Vec3;
 use limpid::liquid::bulk::Bulk;
-use limpid::liquid::classify;
+use limpid::liquid::classify::colors::Colors;
+use limpid::liquid::classify::{self, Splats};
 use limpid::liquid::{Particles, Up};
 use limpid::look::Body;
 use limpid::memory;
-use limpid::scene::Scene;
+use limpid::scene::{Scene, Solid};
 
 #[cfg(doc)]
 use super::Input;
@@ -54,6 +56,8 @@ pub struct Loader {
     processor: Processor,
     /// The attribute that colours the particles.
     color_by: Option<ColorBy>,
+    /// Colours of the opaque fluids: [`Project::opaque_fluids`].
+    opaque_fluids: Vec<Option<Vec3>>,
     /// Its values in all frames, once they are known.
     seen: Arc<OnceLock<Seen>>,
     classifier: SharedClassifier,
@@ -79,6 +83,7 @@ impl Loader {
             with_velocities: false,
             processor: Processor::default(),
             color_by: None,
+            opaque_fluids: Vec::new(),
             seen: Arc::default(),
             classifier: SharedClassifier::default(),
             fps: None,
@@ -93,7 +98,8 @@ impl Loader {
     pub(super) fn of_project(self, project: &Project) -> Self {
         let source = Some(&project.source);
         let made = source.filter(|of| of.recipe().is_some() || of.simulation().is_some());
-        let loader = Self { processor: project.processor, made: made.cloned(), ..self };
+        let (processor, opaque_fluids) = (project.processor, project.opaque_fluids.clone());
+        let loader = Self { processor, opaque_fluids, made: made.cloned(), ..self };
         loader.colored_by(project.color_by.clone())
     }
 
@@ -244,6 +250,7 @@ impl Loader {
             };
             splats.colors = Some(by.colors(particles, radius, &splats, range)?);
         }
+        splats.opaque = self.opaque_splats(particles, radius, scene, &solids).await?;
         Ok(Loaded {
             number,
             particles: particles.len(),
@@ -262,6 +269,29 @@ impl Loader {
                 None => Vec::new(),
             },
         })
+    }
+
+    /// The splats of the opaque fluids among several, with their colours.
+    async fn opaque_splats(
+        &self,
+        particles: &Particles,
+        radius: f32,
+        scene: &Scene,
+        solids: &[Solid],
+    ) -> Result<Option<Box<Splats>>> {
+        let Some(fluids) = particles.fluids.as_ref().filter(|_| !self.opaque_fluids.is_empty())
+        else {
+            return Ok(None);
+        };
+        let color = |fluid: u8| self.opaque_fluids.get(usize::from(fluid)).copied().flatten();
+        let colors: Vec<Vec3> = fluids.iter().filter_map(|&fluid| color(fluid)).collect();
+        let mut opaque = particles.clone();
+        opaque.retain(|i| color(fluids[i]).is_some());
+        let settings = &scene.settings.classify;
+        let mut splats = self.classifier.finish(&opaque, radius, settings, self.processor).await?;
+        classify::add_closed_wall_contacts(&mut splats, solids, settings.wetting);
+        splats.colors = Some(Colors::given(&opaque, radius, &splats, &colors)?);
+        Ok((!splats.is_empty()).then(|| Box::new(splats)))
     }
 
     /// The colours of values, for a legend; `None` if none are shown by a map. The usual range of an attribute is the 2nd to

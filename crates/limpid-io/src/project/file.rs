@@ -10,7 +10,8 @@ use super::bodies::{Bodies, BodiesFile};
 use super::lengths;
 use super::motion::SolidMotion;
 use super::sections::{
-    BackgroundFile, EnvironmentFile, FluidFile, LiquidFile, LoadMap, SettingsFile,
+    BackgroundFile, EnvironmentFile, FluidFile, Inside, LiquidFile, LoadMap, SettingsFile,
+    opaque_colors,
 };
 use super::solids::{Given, SolidFile, SolidFiles};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
@@ -27,7 +28,7 @@ use limpid::environment::Environment;
 use limpid::liquid::Up;
 use limpid::liquid::particles::drawable;
 use limpid::look::Look;
-use limpid::scene::{Light, Liquid, Medium, Scene, Solid};
+use limpid::scene::{Light, Liquid, Scene, Solid};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -163,7 +164,9 @@ impl Project {
         let liquid = file.liquid.validated().map_err(|e| fail(format!("[liquid] {e}")))?;
         let fluids = std::mem::take(&mut file.fluid);
         let alone = (file.particles, file.recipe, file.simulation);
-        let (source, fluids) = liquid_source(alone, fluids, &liquid, folder, &fail)?;
+        let (source, media) = liquid_source(alone, fluids, &liquid, folder, &fail)?;
+        let opaque_fluids = opaque_colors(&media, &liquid).map_err(&fail)?;
+        let fluids = media.into_iter().map(|inside| inside.medium(&liquid)).collect();
         let given = &solid_files.given().environments;
         let environment =
             file.environment.unwrap_or_default().validated(folder, load_map, given, &fail)?;
@@ -181,6 +184,7 @@ impl Project {
             views: file.view,
             processor,
             color_by,
+            opaque_fluids,
             automatic,
         };
         project.check().map_err(|e| in_file(e, &fail))?;
@@ -219,8 +223,11 @@ impl Project {
         match source {
             LiquidSource::File(file) => particles = Some(file.clone()),
             LiquidSource::Fluids(files) => {
-                let fluids = files.iter().zip(&scene.fluids);
-                fluid.extend(fluids.map(|(source, &medium)| FluidFile::of(source, medium)));
+                let fluids = files.iter().zip(&scene.fluids).enumerate();
+                fluid.extend(fluids.map(|(i, (source, &medium))| {
+                    let color = self.opaque_fluids.get(i).copied().flatten();
+                    FluidFile::of(source, color.map_or(Inside::Medium(medium), Inside::Opaque))
+                }));
             }
             _ => {}
         }
@@ -346,14 +353,14 @@ fn load_solids(
     Ok((solids, motion))
 }
 
-/// Where a file's liquid comes from, one of the first three or `fluids`, and the media of these.
+/// Where a file's liquid comes from, one of the first three or `fluids`, and what is inside these.
 fn liquid_source(
     alone: (Option<ParticleSource>, Option<Recipe>, Option<Simulation>),
     fluids: Vec<FluidFile>,
     liquid: &Liquid,
     folder: &Path,
     fail: &dyn Fn(String) -> Error,
-) -> Result<(LiquidSource, Vec<Medium>)> {
+) -> Result<(LiquidSource, Vec<Inside>)> {
     let (mut sources, mut media) = (Vec::new(), Vec::new());
     for (number, fluid) in (1..).zip(fluids) {
         let fluid = fluid.validated(liquid.medium());

@@ -78,6 +78,56 @@ pub(super) struct FluidFile {
     pub(super) scattering: Option<Vec3>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) anisotropy: Option<f32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) kind: Option<KindFile>,
+}
+
+/// The inside of one of several fluids.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Inside {
+    Medium(Medium),
+    /// Nothing that light reaches, below a surface of this colour.
+    Opaque(Vec3),
+}
+
+impl Inside {
+    /// The medium; that of the whole liquid for an opaque fluid, which the others cover.
+    pub(super) fn medium(self, liquid: &Liquid) -> Medium {
+        match self {
+            Self::Medium(medium) => medium,
+            Self::Opaque(_) => liquid.medium(),
+        }
+    }
+
+    /// The colour of an opaque fluid.
+    pub(super) fn color(self) -> Option<Vec3> {
+        match self {
+            Self::Medium(_) => None,
+            Self::Opaque(color) => Some(color),
+        }
+    }
+}
+
+/// The colours of the opaque fluids among several.
+pub(super) fn opaque_colors(
+    fluids: &[Inside],
+    liquid: &Liquid,
+) -> Result<Vec<Option<Vec3>>, String> {
+    let colors: Vec<_> = fluids.iter().map(|fluid| fluid.color()).collect();
+    if colors.iter().all(Option::is_none) {
+        return Ok(Vec::new());
+    }
+    if liquid.kind == Kind::Opaque {
+        return Err("[[fluid]] kind: the whole [liquid] is opaque; give its particles colors by \
+                    color_by = \"fluid\""
+            .into());
+    }
+    if colors.iter().all(Option::is_some) {
+        return Err("[[fluid]] kind: all fluids are opaque; write [liquid] kind = \"opaque\" and \
+                    color_by = \"fluid\""
+            .into());
+    }
+    Ok(colors)
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -295,10 +345,14 @@ impl LiquidFile {
 }
 
 impl FluidFile {
-    pub(super) fn of(source: &ParticleSource, medium: Medium) -> Self {
+    pub(super) fn of(source: &ParticleSource, inside: Inside) -> Self {
         let ParticleSource { source, frame, radius, up, fps, scale, map, select } = source.clone();
-        let (absorption, (scattering, anisotropy)) = (Some(medium.absorption), turbidity(medium));
-        let (color, medium) = (None, None);
+        let (absorption, (scattering, anisotropy)) = match inside {
+            Inside::Medium(medium) => (Some(medium.absorption), turbidity(medium)),
+            Inside::Opaque(_) => (None, (None, None)),
+        };
+        let (color, medium) = (inside.color(), None);
+        let kind = color.map(|_| KindFile::Opaque);
         Self {
             source,
             frame,
@@ -313,14 +367,38 @@ impl FluidFile {
             medium,
             scattering,
             anisotropy,
+            kind,
         }
     }
 
-    pub(super) fn validated(self, default: Medium) -> Result<(ParticleSource, Medium), String> {
-        let absorption = absorption(self.absorption, self.color)?;
-        let medium = medium(default, self.medium, absorption, self.scattering, self.anisotropy);
+    pub(super) fn validated(self, default: Medium) -> Result<(ParticleSource, Inside), String> {
+        let inside = match self.kind {
+            Some(KindFile::Opaque) => self.opaque()?,
+            _ => {
+                let absorption = absorption(self.absorption, self.color)?;
+                let Self { medium: name, scattering, anisotropy, .. } = self;
+                Inside::Medium(medium(default, name, absorption, scattering, anisotropy))
+            }
+        };
         let Self { source, frame, radius, up, fps, scale, map, select, .. } = self;
-        Ok((ParticleSource { source, frame, radius, up, fps, scale, map, select }, medium))
+        Ok((ParticleSource { source, frame, radius, up, fps, scale, map, select }, inside))
+    }
+
+    fn opaque(&self) -> Result<Inside, String> {
+        let has_medium = self.absorption.is_some()
+            || self.scattering.is_some()
+            || self.anisotropy.is_some()
+            || self.medium.is_some();
+        if has_medium {
+            let problem = "an opaque fluid has no medium inside: leave out absorption, medium, scattering and \
+                           anisotropy, or kind = \"opaque\"";
+            return Err(problem.into());
+        }
+        let color = self.color.unwrap_or(Liquid::default().color);
+        if color.cmplt(Vec3::ZERO).any() || color.cmpgt(Vec3::ONE).any() || !color.is_finite() {
+            return Err("color must be between 0 and 1".into());
+        }
+        Ok(Inside::Opaque(color))
     }
 }
 

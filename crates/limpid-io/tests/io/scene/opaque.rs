@@ -185,3 +185,52 @@ fn keys_are_replaced() {
         assert!(error.contains(text) && error.contains(told), "{error}");
     }
 }
+
+/// Opaque fluids among others are read and written, and classified by themselves beside the whole liquid.
+#[test]
+fn opaque_fluids_are_loaded_beside_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = |from: f32| {
+        let place = |i| Vec3::new(from + 0.1 * i as f32, 0.0, 0.0);
+        Particles::from_positions((0..40).map(place).collect())
+    };
+    for (name, from) in [("water.csv", 0.0), ("paint.csv", 1.0)] {
+        particles::write(&line(from), &folder.path().join(name)).unwrap();
+    }
+    let of_fluids = |water: &str, paint: &str, liquid: &str| {
+        let text = format!(
+            "[[fluid]]\nsource = \"water.csv\"\nradius = 0.1\n{water}\n\
+             [[fluid]]\nsource = \"paint.csv\"\nradius = 0.1\n{paint}\n[liquid]\n{liquid}\n"
+        );
+        Project::parse(&text, "scene.toml", folder.path())
+    };
+    let opaque = "kind = \"opaque\"";
+    let color = Vec3::new(0.5, 0.25, 0.0);
+    let project = of_fluids("", "kind = \"opaque\"\ncolor = [0.5, 0.25, 0.0]", "").unwrap();
+    assert_eq!(project.opaque_fluids, [None, Some(color)]);
+    let text = project.to_toml(None).unwrap();
+    let again = Project::parse(&text, "scene.toml", Path::new("")).unwrap();
+    assert_eq!(again.opaque_fluids, project.opaque_fluids);
+
+    let scene_file = folder.path().join("two.toml");
+    std::fs::write(&scene_file, &text).unwrap();
+    let (loader, project) = Input::open(scene_file.to_str().unwrap()).unwrap().resolve().unwrap();
+    let frame = loader.sequence.frames[0].clone();
+    let loaded = loader.load(&frame, &project.scene).unwrap();
+    let alone = loaded.splats.opaque.expect("the opaque fluid");
+    let count =
+        |splats: &limpid::liquid::classify::Splats| splats.aggregates.len() + splats.splashes.len();
+    assert_eq!((loaded.particles, count(&alone)), (80, 40));
+    assert!(alone.colors.is_some());
+    assert!(alone.aggregates.iter().chain(&alone.splashes).all(|splat| splat.fluid() == 1));
+
+    for (water, paint, liquid, told) in [
+        ("", "kind = \"opaque\"\nabsorption = [1, 1, 1]", "", "[[fluid]] 2"),
+        ("", "kind = \"opaque\"\ncolor = [1.5, 0, 0]", "", "between 0 and 1"),
+        (opaque, opaque, "", "all fluids are opaque"),
+        ("", opaque, opaque, "the whole [liquid] is opaque"),
+    ] {
+        let error = of_fluids(water, paint, liquid).expect_err(told).to_string();
+        assert!(error.contains(told), "{error}");
+    }
+}
