@@ -30,7 +30,7 @@ use limpid_io::project::Project;
 
 use options::Options;
 
-/// What is compared, in this order.
+/// Names of the scenes that are compared, in this order.
 const ALL: [&str; 3] = ["step", "ball", "million"];
 
 fn main() -> limpid_io::Result<()> {

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What `.ci/run` leaves out, because it takes long, installs much, or finds what a day's change hardly breaks. Each
+# Checks that `.ci/run` leaves out: they take long, install much, or find what a day's change hardly breaks. Each
 # step is run whatever became of the others, and told at the end; the exit code is 1 if one has failed.
 #
 #     scripts/nightly.sh [STEP ...]     all steps, or these
@@ -34,7 +34,7 @@ step() {
     report+=("$(printf '%6d s  %-12s %s: %s' "$((SECONDS - begun))" "$outcome" "$1" "$2")")
 }
 
-# What the mutants of one format and seed find is the same on every machine.
+# Findings of the mutants of one format and seed are the same on every machine.
 hostile() {
     echo "LIMPID_SEED=$LIMPID_SEED"
     LIMPID_HOSTILE_ROUNDS=20000 cargo test --release --locked -p limpid-cli --test hostile changed_fields
@@ -60,7 +60,7 @@ golden() {
 
 opengl() { in_opengl refract fluids intersectors shader_math classify_device bins; }
 
-# What is compiled only without the window.
+# Code that is compiled only without the window.
 lints() {
     cargo clippy --locked -p limpid-cli -- -D warnings
     cargo test --locked -p limpid-cli --test cli without_the_viewer

@@ -70,7 +70,7 @@ for lock in apt/lists/lock dpkg/lock-frontend dpkg/lock; do
         exit 1
     fi
     expect 'has held .* for 2 s; run this again when it has ended'
-    # What it installs, that it waits, that it gives up: nothing of apt-get's own.
+    # Three lines name the packages, the wait and its end; apt-get adds none.
     [[ $(wc -l <"$folder/said") == 3 ]] || expect 'three lines'
 done
 

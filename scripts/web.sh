@@ -85,7 +85,7 @@ fi
 if $draft; then
     :
 elif [[ -x $optimiser ]]; then
-    # What browsers with WebGPU understand, and the module uses.
+    # Features that browsers with WebGPU understand, and the module uses.
     features=(simd bulk-memory bulk-memory-opt sign-ext mutable-globals nontrapping-float-to-int reference-types multivalue)
     "$optimiser" -O2 "${features[@]/#/--enable-}" "$dist/limpid_web_bg.wasm" -o "$dist/limpid_web_bg.wasm"
 else

@@ -34,7 +34,7 @@ pub struct Camera {
     /// distance to the target, or half the distance to the nearest liquid where the former would clip
     /// liquid that the eye is outside of.
     pub near: Option<f32>,
-    /// What is seen, if it is not a field of view centred on the target.
+    /// Projection, if it is not a field of view centred on the target.
     pub lens: Option<Lens>,
 }
 
@@ -173,7 +173,7 @@ impl Lens {
         (2.0 * tangent.atan().to_degrees()) as f32
     }
 
-    /// What is in a picture of `size` pixels. Pixels keep their shape: a wider picture shows more at both
+    /// Returns the projection of a picture of `size` pixels. Pixels keep their shape: a wider picture shows more at both
     /// sides.
     fn projection(self, size: DVec2) -> Projection {
         match self {

@@ -149,7 +149,7 @@ impl Gpu {
     }
 
     /// Ends frames that are drawn with this handle early, with [`Error::Interrupted`], once `interrupt` is set: no
-    /// part of the frame is submitted any more, and nothing is waited for. What was submitted is still drawn.
+    /// part of the frame is submitted any more, and nothing is waited for. Passes that were submitted are still drawn.
     #[must_use]
     pub fn with_interrupt(self, interrupt: Arc<AtomicBool>) -> Self {
         Self { interrupt: Some(interrupt), ..self }
@@ -407,7 +407,7 @@ fn error_chain(error: &dyn std::error::Error) -> String {
     text.trim_end_matches('.').to_owned()
 }
 
-/// What needs the device is a method; what does not, a function.
+/// Helpers that need the device are methods, all others functions.
 impl Gpu {
     /// Creates a buffer with `contents`, whose size in bytes must be a multiple of 4.
     #[doc(hidden)]

@@ -1,4 +1,4 @@
-//! What moves between frames, for motion vectors.
+//! Motion of camera and particles between frames, for motion vectors.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ pub struct Motion {
     pub seconds: f32,
     /// The view of the frame before; `None` if it is the same. Perspective or orthographic as this frame's.
     /// With jittered views, motion contains the difference of the jitters, unless this view has this frame's
-    /// jitter. What was behind its eye has no motion.
+    /// jitter. Surfaces behind its eye have no motion.
     pub previous: Option<View>,
 }
 

@@ -46,7 +46,7 @@ pub struct Scene {
     pub settings: Settings,
 }
 
-/// What light does where it meets the liquid.
+/// Behaviour of light at the liquid's surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Kind {
     /// It enters and leaves, refracted and absorbed.
@@ -56,7 +56,7 @@ pub enum Kind {
     Opaque,
 }
 
-/// What light meets inside a liquid.
+/// Optical properties of a liquid's inside.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Medium {
     /// Absorption coefficients of red, green and blue light, 1/m.
@@ -70,7 +70,7 @@ pub struct Medium {
 /// The liquid's optics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Liquid {
-    /// What light does where it meets the liquid.
+    /// Behaviour of light at the surface.
     pub kind: Kind,
     /// Index of refraction relative to the surrounding medium (0.3 to 3; water 1.33, an air bubble in
     /// water 1/1.33). Of an opaque body, that of its coat, 1 to 3; 1 for none.

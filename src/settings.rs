@@ -237,7 +237,7 @@ pub enum Solids {
     Screen,
 }
 
-/// What a reflected ray sees if it is not traced further.
+/// Radiance that a reflected ray receives if it is not traced further.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reflections {
@@ -287,7 +287,7 @@ pub struct Refract {
     pub radiance_scaling: bool,
     /// How rays outside the liquid are intersected with the solids.
     pub solids: Solids,
-    /// What a reflected ray sees if it is not traced further.
+    /// Radiance that a reflected ray receives if it is not traced further.
     pub reflections: Reflections,
     /// Whether a pixel is covered only as far as it shows liquid or a solid, for pictures that lie over
     /// others; otherwise the environment fills it.

@@ -6,7 +6,7 @@ use glam::UVec2;
 
 /// Command-line options.
 pub(crate) struct Options {
-    /// What the bench draws: names of its own, or scene files.
+    /// Inputs that the bench draws: names of its own, or scene files.
     pub(crate) chosen: Vec<String>,
     pub(crate) settings: Vec<String>,
     pub(crate) frames: usize,

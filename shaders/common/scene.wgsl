@@ -304,7 +304,7 @@ fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight, rounding: f32) -> bool {
     return scene_blocks(start, to_light.direction, to_light.distance);
 }
 
-// What the last ray would have seen more if a lit, filtered pattern had its mean colour everywhere.
+// Radiance that the last ray would have received in addition if a lit, filtered pattern had its mean colour everywhere.
 var<private> without_pattern: vec3f;
 
 // Radiance from the solid at x along -d, seen by a ray of this width there: its colour, or the Lambertian

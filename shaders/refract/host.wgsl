@@ -1,4 +1,4 @@
-// What another picture shows of the opaque scene: that of a host program, of opaque fluids, or the background.
+// The opaque scene as another picture shows it: that of a host program, of opaque fluids, or the background.
 
 #import common/camera.wgsl
 #import common/layers.wgsl

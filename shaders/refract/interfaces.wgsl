@@ -420,7 +420,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 seen.solid = solid_ahead(o, seen.d);
             }
             if TURBID && inside && !bounce {
-                // What is reflected back goes the same way through the liquid.
+                // Reflected light goes the same way back through the liquid.
                 result += weight * f * interval.returned;
                 seen.weight *= interval.passed;
             }

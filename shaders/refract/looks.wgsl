@@ -1,4 +1,4 @@
-// What rays see where they end: solids, the environment, a host's picture or the background.
+// Radiance at the ends of rays: of solids, the environment, a host's picture or the background.
 //
 // A root defines
 //     fn opaque_entry(ray: ScreenRay) -> Interface

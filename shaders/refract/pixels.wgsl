@@ -21,7 +21,7 @@ override EDGE_SAMPLES: u32 = 16u; // rays per edge pixel without liquid
 const EDGE: f32 = 0.02;
 const FILTERED_EDGE: f32 = 0.1;
 
-// What a ray sees beside the liquid, and what tells it from its neighbours across an edge.
+// Radiance along a ray beside the liquid, and values that tell it from its neighbours across an edge.
 struct Background {
     seen: vec4f,
     compared: vec4f, // radiance and coverage; where patterns are filtered, without them, and with the solid's number

@@ -18,7 +18,7 @@ struct Around {
     curvature: f32, // mean curvature of the liquid's surface, 1/m
 }
 
-// What an interval does to light.
+// Effect of an interval on light.
 struct Passage {
     passed: vec3f,   // share that is neither absorbed nor scattered
     added: vec3f,    // scattered light

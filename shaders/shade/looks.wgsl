@@ -1,4 +1,4 @@
-// What a body's surface sees along a direction: the environment, solids, and the body itself.
+// Radiance that reaches a body's surface along a direction: from the environment, solids, and the body itself.
 //
 // Along a direction the layers show what of the body lies in the way (L. Bavoil, M. Sainz and R. Dimitrov, Image-Space
 // Horizon-Based Ambient Occlusion, 2008); solids are traced. A root defines `params.radius`, that of particles.

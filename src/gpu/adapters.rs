@@ -30,7 +30,7 @@ pub(super) async fn open_first(
     Err(refusal)
 }
 
-/// Error if no adapter is what was `selected`: [`Error::NoMatchingAdapter`], or [`Error::NoAdapter`] if there is
+/// Error if no adapter matches `selected`: [`Error::NoMatchingAdapter`], or [`Error::NoAdapter`] if there is
 /// none at all.
 async fn no_match_error(selected: &str) -> Error {
     let all = list(wgpu::Backends::all(), "").await;

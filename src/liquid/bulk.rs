@@ -394,7 +394,7 @@ mod tests {
         assert_eq!(moving(&all).bounds, moving(&away).bounds);
     }
 
-    /// What moves is the bulk, though more particles wait in a lattice as dense as liquid.
+    /// Moving particles are the bulk, though more wait in a lattice as dense as liquid.
     #[test]
     fn what_moves_counts_before_what_is_heavier() {
         let pool = pool();

@@ -23,7 +23,7 @@ pub struct Nearest {
     pub triangle: usize,
 }
 
-/// What decides the side of a point whose nearest point lies on an edge or a corner: normals of the
+/// Normals that decide the side of a point whose nearest point lies on an edge or a corner: those of the
 /// adjacent triangles, summed, at a corner weighted by angle (Bærentzen and Aanæs 2005).
 #[derive(Debug, Clone)]
 pub(super) struct Features {

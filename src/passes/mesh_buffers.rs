@@ -47,7 +47,7 @@ struct Contents {
     textures: Vec<u32>,
 }
 
-/// What is uploaded.
+/// Contents of the buffers.
 #[derive(Debug, Default)]
 struct Data {
     geometry: Vec<[u32; 4]>,

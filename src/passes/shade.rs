@@ -142,7 +142,7 @@ impl Shade {
             ("COLORED", on(colors.is_some())),
             ("COATED", on(scene.liquid.ior > 1.0)),
         ];
-        // What a direction sees stands for many around it.
+        // Radiance along one direction stands for many around it.
         let scene_variant = super::scene_binding::SceneVariant {
             filter_patterns: eye.scene.variant.solids > 0,
             ..eye.scene.variant

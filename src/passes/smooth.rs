@@ -105,7 +105,7 @@ pub struct Inputs<'a> {
 /// Iterations that smooth the sides of gaps, at most: they are seen through the liquid in front of them.
 const MOST_GAP_ITERATIONS: usize = 3;
 
-/// What the smoothing covers.
+/// Layers that are smoothed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Coverage {
     /// Backs as well as fronts.

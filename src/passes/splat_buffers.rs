@@ -95,7 +95,7 @@ impl SplatBuffers {
     }
 }
 
-/// Splats that are uploaded at once. What waits to be copied takes their memory a second time.
+/// Splats that are uploaded at once. Until they are copied they take their memory a second time.
 const PART: usize = 1 << 19;
 
 /// Uploads splats, many in parts that are submitted by themselves.

@@ -62,7 +62,7 @@ pub struct SurfaceImages {
     pub motion: wgpu::Texture,
 }
 
-/// What a frame's images depend on.
+/// Properties of a frame that its images depend on.
 #[derive(Debug, Clone, Copy)]
 pub struct Request {
     /// The particles' velocities are known.

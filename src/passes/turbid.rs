@@ -169,7 +169,7 @@ impl Turbid {
             ("MIXTURE", on(Shares::of_absorption(scene).are_mixed())),
             ("SCATTERING_MIXTURE", on(Shares::of_scattering(scene).are_mixed())),
         ];
-        // What a direction sees stands for many around it.
+        // Radiance along one direction stands for many around it.
         let filter_patterns = eye.scene.variant.solids > 0;
         let scene_variant = SceneVariant { filter_patterns, ..eye.scene.variant };
         let shared = [&[splash][..], &eye.camera.constants(), &scene_variant.constants()].concat();

@@ -62,7 +62,7 @@ pub struct PreparedFrame<'a> {
     pub(super) surface: Option<SurfacePass>,
     /// The frame before.
     pub(super) last: Option<LastFrame>,
-    /// What differs from it.
+    /// Passes whose inputs differ from it.
     pub(super) dirty: Dirty,
 }
 
@@ -108,7 +108,7 @@ impl<'a> PreparedFrame<'a> {
             sections: Sections::for_work(gpu, size, work),
         };
         let mut dirty = Dirty::since(last.as_ref(), &input, config, has_other_splats);
-        // What the host has drawn into its textures is not known.
+        // The host may have drawn anything into its textures.
         dirty.surfaces |= host.is_some();
         dirty.radiance |= host.is_some();
         let far = view_range::farthest_depth(splats, &view)

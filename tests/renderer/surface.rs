@@ -233,7 +233,7 @@ fn motion_belongs_to_its_frame() {
     assert!(harness.renderer.images().surface.is_some());
 }
 
-/// What was behind the eye of the frame before has no motion, and no infinite one.
+/// Surfaces behind the eye of the frame before have no motion, rather than an infinite one.
 #[test]
 fn motion_from_behind_the_eye_is_none() {
     let Some(mut harness) = harness() else { return };

@@ -67,7 +67,7 @@ pub(super) fn movable(
     (refines(settings) && !surrounded && !crowd).then(|| mean.as_vec3())
 }
 
-/// What finds the members near a place. Both call members by a number of their own: their place in memory.
+/// Index that finds the members near a place. Both kinds call a member by its place in their own memory.
 pub(super) enum Search<'a> {
     /// By cells.
     Grid(Grid<'a>),

@@ -41,7 +41,7 @@ pub struct Variant {
     pub contact: bool,
     /// How rays outside the liquid find the solids.
     pub solids: Solids,
-    /// What reflected rays hit.
+    /// Scene that reflected rays see.
     pub reflections: Reflections,
     /// A host has drawn the opaque scene.
     pub host: bool,

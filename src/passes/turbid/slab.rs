@@ -98,7 +98,7 @@ fn reflectance(cos_i: f64, eta: f64) -> f64 {
     0.5 * (along * along + across * across)
 }
 
-/// What slabs of one index and anisotropy share.
+/// Tables that slabs of one index and anisotropy share.
 struct Optics {
     cosines: Vector,
     weights: Vector,
@@ -182,7 +182,7 @@ impl Optics {
         Slab { reflects, transmits }
     }
 
-    /// What a slab scatters towards the table's directions: all, and what is scattered more than once.
+    /// Light that a slab scatters towards the table's directions: all of it, and the part scattered more than once.
     fn scattered(&self, slab: &Slab, albedo: f64, thickness: f64) -> [[Scattered; COSINES]; 2] {
         let Slab { reflects, transmits } = slab;
         let r = &self.reflectance;
@@ -229,7 +229,7 @@ impl Optics {
         ((-thickness / self.cosines[row]).exp(), row)
     }
 
-    /// What is scattered once of the light that enters from the air on either side.
+    /// Light scattered once, of that which enters from the air on either side.
     fn scattered_once(&self, albedo: f64, thickness: f64, k: usize) -> [f64; 2] {
         let (unscattered, i) = self.unscattered(thickness, k);
         let mut sums = [0.0; 2];

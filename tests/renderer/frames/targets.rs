@@ -1,4 +1,4 @@
-//! What frames are written as: formats, exposure, rounding, dithering and coverage.
+//! Encoding of frames: formats, exposure, rounding, dithering and coverage.
 
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;

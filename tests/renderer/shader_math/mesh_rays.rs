@@ -25,7 +25,7 @@ use crate::support::{Random, gpu};
 /// Half a unit in the last place of 1.
 const UNIT: f64 = 1.0 / (1u64 << 24) as f64;
 
-/// What the truth says of a ray's result, if it is wrong.
+/// Error of a ray's result, measured against the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wrong {
     /// No ray within the tolerance meets the triangle.

@@ -1,4 +1,4 @@
-//! What `limpid render --max-error` and `--budget` choose from, `crates/limpid-io/src/quality.toml`, against measurements.
+//! The choices of `limpid render --max-error` and `--budget`, `crates/limpid-io/src/quality.toml`, against measurements.
 
 use glam::UVec2;
 use image::RgbImage;
