@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Once per program, since it compiles the passes.
     let mut renderer = Renderer::new(&gpu);
     let host = Host { color: color.clone(), depth: depth.clone(), normals: None, clip_from_view };
-    // What rays see that leave the picture: the program's sky, and solids that limpid is told of. A coarse
+    // Rays that leave the picture see the program's sky, and solids that limpid is told of. A coarse
     // world is enough; here there is none.
     let mut scene = project.scene;
     scene.environment = Environment::Constant(SKY);

@@ -168,7 +168,7 @@ impl Job {
     }
 }
 
-/// What an earlier bake has left of a frame.
+/// Remains of a frame from an earlier bake.
 enum Found {
     Nothing,
     /// The frame as it was written, with the checksum of its file.

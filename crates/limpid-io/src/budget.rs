@@ -14,8 +14,8 @@ pub fn unpacked_limit(packed: u64) -> u64 {
     packed.saturating_mul(100).clamp(1 << 30, 16 << 30)
 }
 
-/// What may be made of one document: a file together with all files that it lists, unpacked, and what is read from
-/// them. Parts share it, so that no list makes more of small files than one file may.
+/// Memory for one document: a file together with all files that it lists, unpacked, and the contents read from them.
+/// Parts share it, so that no list makes more of small files than one file may.
 #[derive(Debug)]
 pub(crate) struct Budget {
     /// The limit that the user has set, bytes.
@@ -58,7 +58,7 @@ impl Budget {
         self.set.unwrap_or_else(|| unpacked_limit(self.length.get()))
     }
 
-    /// What was taken, bytes.
+    /// Memory that was taken, bytes.
     pub(crate) fn used(&self) -> u64 {
         self.used.get()
     }
@@ -68,7 +68,7 @@ impl Budget {
         self.used.set(used);
     }
 
-    /// What is left, bytes.
+    /// Memory that is left, bytes.
     pub(crate) fn left(&self) -> u64 {
         self.limit().saturating_sub(self.used.get())
     }

@@ -35,7 +35,7 @@ impl fmt::Display for Location {
     }
 }
 
-/// What takes too much memory.
+/// Input that takes too much memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unpacked {
     /// A single file of particles.
@@ -80,7 +80,7 @@ pub enum Error {
         path: PathBuf,
         /// The location in it.
         location: Location,
-        /// What was found and what was expected.
+        /// Contents that were found, and those that were expected.
         problem: String,
     },
     /// A file of which so many particles have no position that it seems to be damaged.
@@ -96,7 +96,7 @@ pub enum Error {
         location: Location,
         /// Its number, from 0.
         row: usize,
-        /// What is there for its position.
+        /// Its position in the file.
         position: [f32; 3],
         /// How many they are.
         unplaced: usize,
@@ -112,7 +112,7 @@ pub enum Error {
         path: PathBuf,
         /// The location in it.
         location: Location,
-        /// What it is.
+        /// Its kind.
         what: Unpacked,
         /// The limit of its unpacked size, bytes.
         limit: u64,
@@ -146,7 +146,7 @@ pub enum Error {
     Sequence {
         /// The pattern or folder as given.
         pattern: String,
-        /// What was not found.
+        /// Files that were not found.
         problem: String,
     },
     /// An error of one of several inputs.

@@ -1,6 +1,6 @@
 //! Particle frames of an input: files, recipes, simulations and the demo.
 //!
-//! An [`Input`] is what a user asks for. [`Input::resolve`] finds what neither files nor scene say, and gives the
+//! An [`Input`] is a user's request. [`Input::resolve`] finds values that neither files nor scene give, and returns the
 //! [`Loader`] of its frames and the [`Project`] to draw them in.
 
 mod files;

@@ -36,7 +36,7 @@ pub struct LoadedMesh {
     /// The mesh: at least one triangle, whose corners exist; positions, normals, texture coordinates and
     /// colours within the ranges of [`limpid::mesh::Mesh`].
     pub data: MeshData,
-    /// What the file contains or names, and the mesh does not show: a missing texture, say. One sentence
+    /// Contents of the file that the mesh does not show: a missing texture, say. One sentence
     /// each, with the file's name.
     pub remarks: Vec<String>,
 }

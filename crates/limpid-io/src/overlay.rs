@@ -14,7 +14,7 @@ use crate::color_by::ColorScale;
 
 pub use legend::draw as draw_legend;
 
-/// What to draw over the pictures of a run.
+/// Figures that are drawn over the pictures of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Overlay {
     /// The place of whose depth a scale bar shows the scale, m.

@@ -2,7 +2,7 @@
 //!
 //! The error of each choice was measured beforehand and is read from
 //! `crates/limpid-io/src/quality.toml`, which `limpid report --curve` writes: errors are the same
-//! on every adapter. What a choice costs depends on adapter and size: [`calibration`] measures it. The
+//! on every adapter. The cost of a choice depends on adapter and size: [`calibration`] measures it. The
 //! [`controller`] keeps a budget over a sequence.
 
 #[cfg(not(target_arch = "wasm32"))]
@@ -143,7 +143,7 @@ impl Curve {
         best.ok_or_else(|| Error::Usage("nothing to pick".into()))
     }
 
-    /// What a budget chooses from: the candidates from the best picture to the cheapest, each cheaper than all
+    /// Choices of a budget: the candidates from the best picture to the cheapest, each cheaper than all
     /// before. Those whose hits are worse than the defaults' come last. So where the defaults keep a budget,
     /// nothing with worse hits or a worse picture is the first that does, and a larger budget never finds a
     /// worse one. `costs` are those of the limits' list. Returns indices into that, one at least.

@@ -238,7 +238,7 @@ impl Metadata {
     }
 }
 
-/// The properties of a file or a folder. What is a folder of a server ends with a slash.
+/// The properties of a file or a folder. The name of a server's folder ends with a slash.
 ///
 /// # Errors
 /// [`io::ErrorKind::NotFound`], or as reading fails.

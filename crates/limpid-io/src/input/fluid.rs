@@ -140,7 +140,7 @@ impl Fluid {
         }
         let (next_shown, next) = self.contents(at.next, missing)?;
         contents.remarks.extend(next.remarks);
-        // What is held stands still.
+        // A frame that is held stands still.
         if next_shown == shown {
             return Ok(contents);
         }
@@ -304,7 +304,7 @@ impl Fluid {
         }
         let mut body = joined(self.body(&shown, radius), body);
         if let (UpFrom::Default, Some((up, from))) = (self.up_from, up) {
-            // What was read had the axis y; from here on files are turned as they are read.
+            // These particles were read as y-up; from here on files are turned as they are read.
             (self.up, self.up_from) = (up, from);
             body = body.map(|body| body.to_y_up(up));
             self.parked = self

@@ -71,7 +71,7 @@ pub struct Contents {
     pub cells: usize,
     /// The axis that points up, and the program whose files have it so, if the format or the names of the arrays tell.
     pub up: Option<(Up, &'static str)>,
-    /// What was left out, or understood in a way that the user should know.
+    /// Parts that were left out, or understood in a way that the user should know.
     pub remarks: Vec<Remark>,
     /// Columns that attributes are made of, or that decide which particles are read: their names in lower case,
     /// without units, and their numbers.
@@ -91,7 +91,7 @@ impl From<Particles> for Contents {
 }
 
 impl Contents {
-    /// What a reader has found, without what cannot be used of it.
+    /// Returns the usable contents of those that a reader has found.
     ///
     /// # Errors
     /// [`Error::Format`] if an array of the attribute map is missing; [`Error::Unplaced`].
@@ -212,8 +212,8 @@ impl Contents {
     }
 
     /// Stores an attribute; returns whether it did. An attribute that the particles have already, one
-    /// with another number of columns, and radii that are all 0 are not stored. What numbers it has,
-    /// [`Contents::settle`] judges.
+    /// with another number of columns, and radii that are all 0 are not stored. [`Contents::settle`]
+    /// judges its numbers.
     fn attach(
         &mut self,
         attribute: Attribute,

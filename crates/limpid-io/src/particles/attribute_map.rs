@@ -27,7 +27,7 @@ pub struct AttributeMap(BTreeMap<Attribute, Option<Source>>);
 struct Source {
     /// One, or one for each number.
     arrays: Vec<String>,
-    /// What its numbers are multiplied by.
+    /// Factor of its numbers.
     factor: f64,
 }
 
@@ -114,7 +114,7 @@ impl AttributeMap {
         }
     }
 
-    /// What the numbers of an attribute are multiplied by.
+    /// Returns the factor of an attribute's numbers.
     pub(super) fn factor_of(&self, attribute: Attribute) -> f64 {
         self.0.get(&attribute).and_then(Option::as_ref).map_or(1.0, |source| source.factor)
     }

@@ -1,4 +1,4 @@
-//! What the axes of an array mean: of positions, and of the attributes beside them.
+//! Meaning of an array's axes: of positions, and of the attributes beside them.
 //!
 //! | shape of positions | meaning |
 //! |---|---|
@@ -295,7 +295,7 @@ impl Places {
         columns
     }
 
-    /// What the user should know of the array's shape.
+    /// Returns remarks on the array's shape for the user.
     pub(super) fn remarks(&self, array: &str, grid: &Grid) -> Vec<Remark> {
         let (array, shape) = (array.to_owned(), grid.sizes.clone());
         let transposed = (!self.axes.are_rows()).then(|| Remark::Transposed {

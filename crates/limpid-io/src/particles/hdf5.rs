@@ -11,7 +11,7 @@
 //! megaparsecs, which nobody wants to see: a scale does it where it is wanted. Smoothing lengths are no radii
 //! and are ignored, as is the size of a periodic box.
 //!
-//! The crate `hdf5-pure` decodes. What a file claims is held against its length before it is asked for.
+//! The crate `hdf5-pure` decodes. Sizes that a file claims are held against its length before memory is asked for.
 
 mod adapt;
 mod layouts;

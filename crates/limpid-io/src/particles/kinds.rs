@@ -1,6 +1,6 @@
 //! Kinds of files that limpid does not read: what they are, and how particles get out of them.
 
-/// What a file of this name is, and what to do.
+/// Tells the kind of a file with this name, and the remedy.
 pub(super) fn remedy(name: &str) -> Option<&'static str> {
     let name = name.to_ascii_lowercase();
     let ends = |extensions: &[&str]| extensions.iter().any(|extension| name.ends_with(extension));

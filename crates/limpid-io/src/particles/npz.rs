@@ -472,8 +472,8 @@ impl<'a, R: Read + Seek> Members<'a, R> {
         self.budget.take(bytes, &self.display_path(at), Location::Byte(0))
     }
 
-    /// Unpacks the bytes of an array from one offset to another, or what there is of them. What begins at byte 0 is the header, and not
-    /// counted, since it is not kept.
+    /// Unpacks the bytes of an array from one offset to another, or as many as there are. The header, which
+    /// begins at byte 0, is not counted, since it is not kept.
     fn unpack(&mut self, at: usize, from: usize, to: usize) -> Result<Vec<u8>> {
         let path = self.display_path(at);
         let fail = |unpacked: usize, problem: String| {

@@ -1,4 +1,4 @@
-//! What a reader has left out of a file, or understood in a way that its user should know.
+//! Remarks of a reader: on parts of a file that it has left out, or understood in a way that its user should know.
 
 use std::fmt;
 use std::mem::{Discriminant, discriminant};
@@ -13,7 +13,7 @@ pub enum Remark {
     Unusable {
         /// Its name in the file.
         array: String,
-        /// What was found and what was expected.
+        /// Contents that were found, and those that were expected.
         problem: String,
     },
     /// Positions with a row for each coordinate instead of one for each particle.
@@ -32,11 +32,11 @@ pub enum Remark {
     },
     /// The file is one of several that hold the particles of a frame, and the others were not read.
     Partial {
-        /// What was read.
+        /// Number of those that were read.
         found: u64,
-        /// All there is.
+        /// Number of all.
         total: u64,
-        /// What is counted.
+        /// Unit of the numbers.
         unit: Unit,
     },
     /// The frames of a file are numbered from 0, since their time steps do not ascend.
@@ -57,14 +57,14 @@ pub enum Remark {
         array: String,
         /// How many they are, and what is wrong with them.
         problem: String,
-        /// What stands for them.
+        /// Value in their place.
         substitute: &'static str,
     },
     /// Particles of walls and bodies that are left out.
     LeftOut {
         /// How many they are.
         count: usize,
-        /// What tells: an array and its numbers.
+        /// The reason: an array and its numbers.
         why: String,
     },
     /// No particle of the file satisfies the selection.
@@ -90,7 +90,7 @@ pub enum Remark {
     },
 }
 
-/// What the parts of a frame are counted by.
+/// Unit in which the parts of a frame are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     /// Files.
@@ -126,7 +126,7 @@ impl Remark {
         }
     }
 
-    /// What the remark is about: two remarks of a sequence with the same subject need not both be told.
+    /// Subject of the remark: of two remarks of a sequence with the same subject, one need not be told.
     pub fn subject(&self) -> (Discriminant<Self>, &str) {
         let name = match self {
             Self::Unusable { array, .. }

@@ -267,7 +267,7 @@ mod tests {
         assert_eq!(read(&container(2, 3, b"abc")).unwrap(), b"abc");
     }
 
-    /// What is damaged, cut off, too large, or of another kind is an error with its place.
+    /// Containers that are damaged, cut off, too large or of another kind are errors with a place.
     #[test]
     fn damaged_containers_are_errors() {
         let good = container(2, 3, b"abc");

@@ -1,5 +1,5 @@
-//! Files with several frames: extended XYZ, LAMMPS dumps, and arrays with an axis of time steps. What is found is
-//! where each frame lies, and a frame is read alone, so that a file may be larger than the memory.
+//! Files with several frames: extended XYZ, LAMMPS dumps, and arrays with an axis of time steps. The place
+//! of each frame is found first, and a frame is read alone, so that a file may be larger than the memory.
 
 use std::io::{self, BufRead, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What of a file can be used. Positions alone decide which particles are read: simulators mark inactive ones
+//! Selection of a file's usable contents. Positions alone decide which particles are read: simulators mark inactive ones
 //! by NaN, and others diverge. Numbers of attributes that cannot be used are replaced, or the attribute is left
 //! out; each of these is a [`Remark`].
 
@@ -140,7 +140,7 @@ impl Contents {
     }
 }
 
-/// What was done to an attribute.
+/// Repairs of an attribute.
 struct Repaired {
     /// Number of values that could not be used, and of all.
     count: usize,

@@ -465,7 +465,7 @@ fn table<'a, 'i>(of: &'a mut DeTable<'i>, name: &str) -> Option<&'a mut DeTable<
     if let DeValue::Table(table) = of.get_mut(name)?.get_mut() { Some(table) } else { None }
 }
 
-/// What a camera's table says about its axes.
+/// Axes in a camera's table.
 #[derive(Default)]
 struct AxesFile {
     up_axis: Option<Up>,

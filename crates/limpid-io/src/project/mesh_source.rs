@@ -1,4 +1,4 @@
-//! What the meshes of solids are made from.
+//! Files that the meshes of solids are read from.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use limpid::mesh::{Material, Mesh, MeshData, Texture};
 
-/// What a mesh is made from.
+/// Files and options that a mesh is read from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct MeshSource {
     /// The file, or the pattern of the files of all frames.

@@ -23,13 +23,13 @@ pub struct SolidFiles {
     /// The first mesh of each pattern, and its sequence.
     sequences: Vec<(Arc<Mesh>, Arc<MeshSequence>)>,
     textures: Vec<(Arc<Texture>, PathBuf)>,
-    /// What the scene's text names, and no file holds.
+    /// Data that the scene's text names, and no file holds.
     given: Given,
-    /// What the files contain or name, and the picture does not show.
+    /// Contents of the files that the picture does not show.
     pub remarks: Vec<String>,
 }
 
-/// What a scene's text names like files, but the caller has in memory.
+/// Data that a scene's text names like files, but the caller has in memory.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Given {
     /// Meshes by their names in the text.
@@ -41,7 +41,7 @@ pub struct Given {
 }
 
 impl Given {
-    /// What has this name among `named`; paths in a scene's text are relative to its folder.
+    /// Finds this name among `named`; paths in a scene's text are relative to its folder.
     pub(super) fn find<'a, T>(named: &'a [(PathBuf, T)], path: &Path) -> Option<&'a T> {
         named.iter().find(|(name, _)| path.ends_with(name)).map(|(_, found)| found)
     }

@@ -77,7 +77,7 @@ fn materials_are_those_of_the_files_beside() {
     assert_eq!(loaded.remarks.len(), 4, "{remarks}");
 }
 
-/// What is drawn opaque though the file has it transparent is said, once a file.
+/// A remark, one a file, names transparent materials, which are drawn opaque.
 #[test]
 fn transparent_materials_are_remarks() {
     let text = b"mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\n";

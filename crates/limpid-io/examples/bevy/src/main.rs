@@ -98,7 +98,7 @@ impl Liquid {
         let (loader, project) = Input::demo()?.resolve()?;
         let loaded = loader.load(&loader.sequence.frames[0], &project.scene)?;
         let mut scene = project.scene.clone();
-        // What rays see that leave the picture.
+        // Rays that leave the picture see this sky.
         scene.environment = Environment::Constant(SKY.into());
         scene.solids.clear();
         // Coverage, so that only the liquid is added to Bevy's colour.

@@ -1,4 +1,4 @@
-//! What the decoder does not know of HDF5, made known to it in a copy of the file:
+//! Features of HDF5 that the decoder does not know, rewritten in a copy of the file:
 //!
 //! - soft links in groups of the first version, on which it stops, become hard links, and those to nothing are left out;
 //! - the layout message of version 5, which libraries since HDF5 2.0 write for compressed arrays with

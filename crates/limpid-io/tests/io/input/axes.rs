@@ -205,7 +205,7 @@ fn cameras_count_in_the_axes_of_the_files() {
             true => assert_seen_as(&found, &own, up),
             false => assert_eq!((found.eye, opened.camera_up), (own.eye, Up::Y), "{up}"),
         }
-        // What is written of it reads back as the same view.
+        // The written project reads back as the same view.
         let written = Project { source: opened.loader.source(), ..opened.project };
         let written = Project::parse(&written.to_toml(None).unwrap(), "w", Path::new("")).unwrap();
         let input = Input::from_project(written, "w").unwrap();

@@ -144,8 +144,8 @@ fn frames_tell_what_waits() {
     assert!(bounds.1.y > 20.0 && outside == 0, "{bounds:?}, {outside} outside");
 }
 
-/// What waits at rest while the rest moves is left out by the lights too, though it is as dense as liquid, heavier and near
-/// enough to be another body.
+/// Particles that wait at rest while others move are left out by the lights too, though they are as dense as liquid,
+/// heavier and near enough to be another body.
 #[test]
 fn lights_see_what_moves() {
     let whole = block(&mut Random(8));

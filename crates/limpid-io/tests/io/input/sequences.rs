@@ -32,7 +32,7 @@ fn fluids_of_one_file_are_selected() {
     assert_eq!(particles.fluids, Some([vec![0; 9], vec![1; 5]].concat()));
     let radii = particles.radii.unwrap();
     assert!(radii[13] > 2.0 * radii[0], "{radii:?}");
-    // What is written is read back.
+    // A written project is read back.
     let project = Project { source: input.source(), ..project };
     let text = project.to_commented_toml(None).unwrap();
     let read = Project::parse(&text, "b.toml", Path::new("")).unwrap();
@@ -42,7 +42,7 @@ fn fluids_of_one_file_are_selected() {
     std::fs::write(&scene, fluid("phase")).unwrap();
     let error = Input::open(scene.to_str().unwrap()).unwrap_err().to_string();
     assert!(error.contains("line 4") && error.contains("select `phase`: "), "{error}");
-    // What a command selects replaces what the scene does.
+    // A command's selection replaces the scene's.
     std::fs::write(&scene, "[particles]\nsource = \"a.csv\"\nselect = \"phase==1\"\n").unwrap();
     let input = Input::open(scene.to_str().unwrap()).unwrap();
     let count = |input: &Input| input.loader.particles(FrameTime::at(0)).unwrap().len();

@@ -108,7 +108,7 @@ fn bit_flips_never_panic() {
             if let Ok(particles) = read(name, &bytes) {
                 assert_valid(&particles);
             }
-            // What is described and shown is unpacked too.
+            // Arrays that are described and shown are unpacked too.
             let shown = Some("color".to_owned());
             let options = ReadOptions { values: true, shown, ..ReadOptions::default() };
             let _ = Contents::parse(Path::new(name), &bytes, &options);

@@ -1,5 +1,5 @@
-//! What a look adds to a scene that lacks it: a ground below liquid and solids, a light that something shows, and a camera
-//! for pictures of any shape.
+//! Parts that a look adds to a scene without them: a ground below liquid and solids, a light that something shows, and a
+//! camera for pictures of any shape.
 
 use std::sync::Arc;
 

@@ -83,8 +83,8 @@ fn mesh(solid: &Solid) -> &Arc<Mesh> {
     mesh
 }
 
-/// Between keys a mesh moves straight and turns at an even rate; outside them it stands still. What no key has is
-/// the solid's own.
+/// Between keys a mesh moves straight and turns at an even rate; outside them it stands still. Values that
+/// no key has are the solid's own.
 #[test]
 fn keys_move_and_turn_meshes() {
     let folder = folder();
@@ -388,7 +388,7 @@ fn rigid_bodies_move_between_frames() {
     );
 }
 
-/// What moves survives saving, in both forms of a scene, and its files are inputs that no output may replace.
+/// Motion survives saving, in both forms of a scene, and its files are inputs that no output may replace.
 #[test]
 fn motion_survives_saving() {
     let folder = folder();

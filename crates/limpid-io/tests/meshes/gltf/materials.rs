@@ -80,8 +80,8 @@ fn materials_and_their_coordinates() {
     }
 }
 
-/// What is drawn opaque though the document has it transparent is said, once a document; a `BLEND` through which nothing
-/// shows is not.
+/// A remark, one a document, names transparent materials, which are drawn opaque; not a `BLEND` through which nothing
+/// shows.
 #[test]
 fn transparent_materials_are_remarks() {
     let png = |alpha| {
