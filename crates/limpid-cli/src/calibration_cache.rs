@@ -40,7 +40,7 @@ pub(crate) struct CalibrationCache {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Stored {
-    /// What the costs depend on.
+    /// Identity of the program and the adapter that the costs depend on.
     of: String,
     /// Costs of the curve's lists, if they have been measured.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

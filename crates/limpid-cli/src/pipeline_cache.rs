@@ -20,7 +20,7 @@ const CHECKSUM: usize = 16;
 /// Largest accepted file, bytes: drivers compile limpid's shaders to a few MiB.
 const MAX_BYTES: u64 = 256 << 20;
 
-/// What measurements and compiled pipelines depend on.
+/// Adapter and versions that measurements and compiled pipelines depend on.
 pub(crate) struct Identity {
     /// The adapter, as a part of a file's name.
     pub(crate) adapter: String,

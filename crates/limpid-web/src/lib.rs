@@ -85,7 +85,7 @@ impl View {
         self.page.leave();
     }
 
-    /// What ended the viewer, if anything has.
+    /// Message of the panic that ended the viewer, if one has.
     #[wasm_bindgen(js_name = failure)]
     pub fn failure(&self) -> Option<String> {
         self.runner.borrow().panic_summary().map(|summary| summary.message())
@@ -152,7 +152,7 @@ impl View {
         self.page.query()
     }
 
-    /// What is shown, as JSON.
+    /// State of the page, as JSON.
     pub fn status(&self) -> String {
         self.page.status()
     }

@@ -24,11 +24,11 @@ pub(super) struct Budget {
     ms: f64,
     controller: Controller,
     rungs: Vec<Rung>,
-    /// What the last picture was drawn with.
+    /// Shaders of the last picture.
     drawn: Option<Drawn>,
 }
 
-/// What the shaders of a picture depend on, which drivers compile with the first: the number of its settings,
+/// Key of a picture's shaders, which drivers compile with the first one: the number of its settings,
 /// and whether it has splashes.
 type Drawn = (usize, bool);
 

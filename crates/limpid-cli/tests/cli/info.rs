@@ -104,7 +104,7 @@ fn info_lists_arrays() {
     assert_contains(&succeed(folder.path(), &["info", "a.toml"]), &["h (2) as radius"]);
 }
 
-/// What can be selected is shown, and what the program leaves out by itself is said.
+/// `info` lists arrays that can be selected by, and particles that the program leaves out by itself.
 #[test]
 fn info_shows_what_can_be_selected() {
     let folder = folder();

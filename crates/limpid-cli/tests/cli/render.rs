@@ -280,8 +280,8 @@ fn stats_name_the_adapter_and_every_pass() {
     }
 }
 
-/// `--max-error` and `--budget` report the picked settings in one line on stderr and in the statistics. What
-/// settings cost is measured once, kept, and measured anew by `--calibrate` or where the file is damaged.
+/// `--max-error` and `--budget` report the picked settings in one line on stderr and in the statistics. The cost
+/// of settings is measured once, kept, and measured anew by `--calibrate` or where the file is damaged.
 #[test]
 #[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn limits_select_settings() {

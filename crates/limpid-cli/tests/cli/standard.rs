@@ -80,7 +80,7 @@ fn info_scene_and_convert_from_a_pipe() {
     assert_eq!((again.0, String::from_utf8(again.1).unwrap()), (0, scene), "{}", again.2);
 }
 
-/// What cannot be piped is refused by one line that tells the way out, and before anything is drawn.
+/// Inputs and outputs that cannot be piped are refused before anything is drawn, by one line that tells the way out.
 #[test]
 fn pipes_have_limits() {
     let folder = folder();

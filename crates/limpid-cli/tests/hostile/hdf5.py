@@ -68,7 +68,7 @@ def alike(found, expected):
 
 
 def fault(path, found, valid):
-    """What is wrong with the places that limpid has read, if anything."""
+    """The problem with the places that limpid has read, or None."""
     if alike(found, valid):
         return None
     expected = truth(path)

@@ -27,7 +27,7 @@ use limpid_io::{Result, meshes};
 use super::damage::{self, Random};
 use fields::Fields;
 
-/// What was written: files in a folder, the first of which is opened, and what it holds.
+/// Files of a folder, the first of which is opened, and the contents that were written.
 struct Written {
     files: Vec<(String, Vec<u8>)>,
     /// The places of the particles of each frame, or the corners of a mesh.
@@ -46,7 +46,7 @@ enum Reader {
     Mesh,
 }
 
-/// What was read.
+/// Contents that were read.
 struct Read {
     frames: Vec<Vec<DVec3>>,
     /// Whether anything was said about the file.

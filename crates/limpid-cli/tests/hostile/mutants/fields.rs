@@ -2,7 +2,7 @@
 
 use super::super::damage::{EXTREMES, Random};
 
-/// What a writer asks for each value that it writes. In a mutant one of them is another than the writer wants.
+/// Source of each value that a writer writes. In a mutant one of them differs from the writer's.
 ///
 /// Since the change is made before anything is compressed, summed or moved, it arrives at the reader behind valid
 /// checksums and offsets.
@@ -12,7 +12,7 @@ pub(crate) struct Fields {
     chosen: Option<usize>,
     /// Number of values so far.
     seen: usize,
-    /// What was changed, and how.
+    /// Description of the change.
     change: String,
     /// Whether the mutant may be another valid file.
     free: bool,
@@ -34,7 +34,7 @@ impl Fields {
         self.seen
     }
 
-    /// What was changed, and how.
+    /// Describes the change.
     pub(crate) fn change(&self) -> &str {
         &self.change
     }
