@@ -1,4 +1,4 @@
-//! What is open and how it is shown: plain data, which all other folders use.
+//! The open document and its view: plain data, which all other folders use.
 
 pub mod demos;
 pub mod document;

@@ -24,7 +24,7 @@ use crate::model::playback::Speed;
 use crate::model::shortcuts::Action;
 use crate::model::views::View;
 
-/// What the user wants of the viewer.
+/// Command of the user.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "few of them exist at a time")]
 pub(crate) enum Command {

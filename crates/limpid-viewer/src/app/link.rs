@@ -30,7 +30,7 @@ use crate::model::demos::DEMOS;
 use crate::model::document::Source;
 use crate::model::views::View;
 
-/// What an address asks for.
+/// Source and wishes in an address.
 pub(crate) struct Link {
     pub(crate) source: Source,
     pub(crate) wishes: Wishes,

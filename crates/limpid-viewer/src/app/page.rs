@@ -298,7 +298,7 @@ impl Page {
         self.viewer.borrow().post.wake();
     }
 
-    /// What the page shows, as JSON: see [`Viewer::status`].
+    /// State of the page, as JSON: see [`Viewer::status`].
     pub fn status(&self) -> String {
         self.viewer.borrow().status().to_string()
     }

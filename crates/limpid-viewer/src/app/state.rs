@@ -28,7 +28,7 @@ pub(crate) struct OpenDocument {
     pub(crate) frames: Frames,
     /// Indices of frame times that could not be loaded.
     pub(crate) failed: BTreeSet<usize>,
-    /// What is asked for besides, once the source is open.
+    /// Further wishes of the user, once the source is open.
     pub(crate) wishes: Wishes,
 }
 
@@ -90,7 +90,7 @@ impl OpenDocument {
     }
 }
 
-/// What an address asks for besides a source, once that is open.
+/// Wishes in an address besides the source, for when that is open.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Wishes {
     pub(crate) frame: Option<i64>,

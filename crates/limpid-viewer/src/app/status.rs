@@ -1,11 +1,11 @@
-//! What is shown, for the page and its tests.
+//! State of the viewer, for the page and its tests.
 
 use serde_json::{Value, json};
 
 use crate::app::Viewer;
 
 impl Viewer {
-    /// What is shown, as an object.
+    /// State of the viewer, as an object.
     pub fn status(&self) -> Value {
         let side = self.picture.edited(&self.stage);
         let shown = side.picture.shown.as_ref();

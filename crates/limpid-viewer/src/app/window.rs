@@ -113,7 +113,7 @@ impl Viewer {
     }
 }
 
-/// What the system's dialog lists: a name, and extensions; all files without any.
+/// Filter of the system's dialog: a name, and extensions; all files without any.
 fn filter(purpose: Purpose) -> (&'static str, &'static [&'static str]) {
     match purpose {
         Purpose::Open => ("Scenes and particles", &[]),

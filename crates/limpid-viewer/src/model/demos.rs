@@ -7,7 +7,7 @@ pub struct Demo {
     pub name: &'static str,
     /// Title.
     pub title: &'static str,
-    /// What it is.
+    /// Its description.
     pub about: &'static str,
     /// The scene file.
     pub(crate) scene: &'static str,

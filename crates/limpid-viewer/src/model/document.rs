@@ -232,8 +232,8 @@ impl Document {
     }
 }
 
-/// What to open of files with these paths, which were dropped or chosen together: the scene among them, the only file,
-/// or the folder with the most particle files.
+/// Chooses the path to open among files that were dropped or chosen together: the scene, the only file, or the folder
+/// with the most particle files.
 pub fn opened_of(paths: &[&str]) -> Option<String> {
     let depth = |path: &str| path.matches('/').count();
     let scenes = paths.iter().filter(|path| path.to_lowercase().ends_with(".toml"));

@@ -1,4 +1,4 @@
-//! What is shown of the open document: settings, camera and moment.
+//! View of the open document: settings, camera and moment.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::model::playback::Playback;
 use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
 
-/// What is shown of the open document.
+/// View of the open document.
 #[derive(Debug)]
 pub(crate) struct Stage {
     pub(crate) editing: Editing,

@@ -17,7 +17,7 @@ pub(crate) struct Dialog {
     pub(crate) samples: u32,
 }
 
-/// What a dialog is for.
+/// Purpose of a dialog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Purpose {
     Open,
@@ -39,10 +39,10 @@ pub(crate) enum Browse {
     Folder,
 }
 
-/// What the user has done in a dialog.
+/// Outcome of a dialog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
-    /// Nothing that ends it.
+    /// The dialog stays open.
     Open,
     Browse(Browse),
     Done,
@@ -87,7 +87,7 @@ impl Purpose {
         }
     }
 
-    /// What the text is, and the buttons that choose it elsewhere.
+    /// Label of the text field, and the buttons that fill it.
     fn path_buttons(self) -> (&'static str, &'static [(&'static str, Browse)]) {
         match (IN_BROWSER, self) {
             (false, _) => ("Path", &[("Browse…", Browse::System)]),

@@ -20,7 +20,7 @@ pub(crate) struct Errors {
     pub(crate) points: Vec<Point>,
 }
 
-/// What the plot shows besides.
+/// State of the document that decides what the plot offers.
 pub(crate) struct Present<'a> {
     /// Why there is no ground truth for the document, if there is none.
     pub(crate) missing: Option<&'static str>,

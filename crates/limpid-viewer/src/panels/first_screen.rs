@@ -12,7 +12,7 @@ use crate::panels::Command;
 /// Size of a demo's picture, points.
 const PICTURE: egui::Vec2 = vec2(224.0, 140.0);
 
-/// What the first screen shows.
+/// Contents of the first screen.
 pub(crate) struct FirstScreen<'a> {
     /// The source that is being opened.
     pub(crate) opening: Option<&'a str>,

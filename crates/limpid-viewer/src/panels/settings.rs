@@ -20,7 +20,7 @@ use limpid_io::shared_classifier::Processor;
 /// End of sliders with a larger range: larger values can only be typed.
 const SLIDER_END: f64 = 1e6;
 
-/// What the settings panel shows and changes.
+/// State that the settings panel shows and changes.
 pub(crate) struct SettingsPanel<'a> {
     pub(crate) document: &'a Document,
     pub(crate) editing: &'a mut Editing,

@@ -16,7 +16,7 @@ use limpid_io::camera_path::Key;
 use limpid_io::frame_cache::CacheState;
 use limpid_io::input::FrameTime;
 
-/// What the timeline shows.
+/// Contents of the timeline.
 pub(crate) struct Timeline<'a> {
     pub(crate) document: Option<&'a Document>,
     /// The source that is being opened.

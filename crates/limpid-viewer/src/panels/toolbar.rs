@@ -16,7 +16,7 @@ const WIDE: f32 = 860.0;
 /// The button that copies what draws this picture: a command, or in a browser a link.
 const COPY: &str = if IN_BROWSER { "Copy link" } else { "Copy command" };
 
-/// What the toolbar shows.
+/// Contents of the toolbar.
 pub(crate) struct Toolbar<'a> {
     /// Whether a document is open.
     pub(crate) open: bool,

@@ -18,7 +18,7 @@ use limpid_io::camera_path::CameraPath;
 use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
 
-/// What all pictures of a book have in common.
+/// Properties that all pictures of a book share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Subject {
     /// The settings on screen, as scenes: one, or two that are compared.
@@ -164,7 +164,7 @@ pub(crate) struct Flipping {
     pub(crate) needed: bool,
     /// The moment whose kept pictures are on screen.
     pub(crate) shown: Option<Moment>,
-    /// What the newest request draws; `None` if it is not to be kept.
+    /// Picture of the newest request; `None` if it is not to be kept.
     pub(crate) asked: Option<(Subject, Moment)>,
     /// When a picture was last kept during playback.
     pub(crate) last: Option<Instant>,
@@ -190,8 +190,8 @@ impl Flipping {
         *self = Self::new(budget);
     }
 
-    /// Decides whether playback needs kept pictures, from the time to draw one and that of a frame, ms. What is
-    /// nearly fast enough does not switch back and forth.
+    /// Decides whether playback needs kept pictures, from the time to draw one and that of a frame, ms. Playback
+    /// that is nearly fast enough does not switch back and forth.
     pub(crate) fn judge(&mut self, full_ms: Option<f64>, frame_ms: f64) {
         let limit = if self.needed { 0.6 * frame_ms } else { frame_ms };
         self.needed = self.book.budget > 0 && full_ms.is_some_and(|ms| ms > limit);

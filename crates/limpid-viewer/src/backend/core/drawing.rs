@@ -107,7 +107,7 @@ pub enum Answer {
     Measured(Result<Measured>),
 }
 
-/// What happens to the device.
+/// Change of the device.
 pub(crate) enum DeviceEvent {
     /// It has been opened: its adapter's name.
     Opened(String),

@@ -8,7 +8,7 @@ use limpid_io::error::Result;
 use limpid_io::input::{self, FrameTime, Loaded};
 use limpid_io::shared_classifier::{Processor, SharedClassifier};
 
-/// What the frames of a cache are loaded from.
+/// Source of a cache's frames.
 #[derive(Debug)]
 pub(crate) struct Loader {
     pub(crate) input: input::Loader,

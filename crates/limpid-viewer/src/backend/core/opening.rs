@@ -76,7 +76,7 @@ mod tests {
     use super::*;
     use limpid_io::Error;
 
-    /// What is reported of an opening whose document cannot be opened, after these steps.
+    /// Runs these steps of an opening whose document cannot be opened, and returns its reports.
     fn reported(
         steps: impl FnOnce(&mut Reports<fn() -> Result<Document>, &mut dyn FnMut(Message)>),
     ) -> Vec<String> {

@@ -1,4 +1,4 @@
-//! What is to be drawn, in order, and what becomes of it.
+//! Queue of pictures to draw, and their delivery.
 //!
 //! Of pictures for the screen only the newest request counts, and older ones are dropped; pictures to save and to
 //! measure are all drawn, in order.
@@ -33,7 +33,7 @@ pub enum Job {
     Lose,
 }
 
-/// What is to be drawn.
+/// Pictures to draw.
 #[derive(Debug, Default)]
 pub struct Queue {
     newest: Option<Request>,
@@ -41,7 +41,7 @@ pub struct Queue {
     closed: bool,
 }
 
-/// What is to be done next.
+/// Picture to draw next.
 #[derive(Debug)]
 pub(crate) enum Next {
     Request(Request),
@@ -75,7 +75,7 @@ impl Queue {
         self.newest.is_some()
     }
 
-    /// What is to be done next: pictures for the screen first.
+    /// Takes the next picture: those for the screen first.
     pub(crate) fn next(&mut self) -> Option<Next> {
         self.newest.take().map(Next::Request).or_else(|| self.jobs.pop_front().map(Next::Job))
     }

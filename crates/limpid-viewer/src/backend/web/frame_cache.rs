@@ -19,7 +19,7 @@ pub(crate) struct FrameCache {
     mirror: Rc<RefCell<Mirror>>,
 }
 
-/// What the worker has told of a cache.
+/// State of a cache, as its worker has told it.
 pub(super) struct Mirror {
     frames: BTreeMap<usize, Outcome>,
     state: CacheState,

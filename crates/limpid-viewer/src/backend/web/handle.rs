@@ -92,7 +92,7 @@ impl Backend {
     /// Calls a function of the page.
     ///
     /// # Errors
-    /// What it has thrown.
+    /// Message of the exception that it has thrown.
     pub(crate) fn call(&self, name: &str, arguments: &[JsValue]) -> Result<JsValue, String> {
         let function: Function = get(&self.0.host, name).unwrap_or_default().unchecked_into();
         let arguments: Array = arguments.iter().collect();

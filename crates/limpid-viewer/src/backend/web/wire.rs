@@ -29,7 +29,7 @@ use crate::model::document::{Document, Source};
 use crate::model::level::Level;
 use crate::model::views::{Legend, Values, View};
 
-/// What a page asks of its worker.
+/// Message of a page to its worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Ask {
     /// Opens a source, perhaps the same one `again`; a simulation is run.
@@ -70,7 +70,7 @@ pub(crate) enum Ask {
     Lose,
 }
 
-/// What a worker tells its page.
+/// Message of a worker to its page.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Tell {
     /// It begins to open a source, and does nothing else meanwhile.
@@ -123,7 +123,7 @@ pub(super) enum Tell {
     Panicked(String),
 }
 
-/// What the interface changes of a scene, and what it shows of one.
+/// Properties of a scene that the interface changes or shows.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Edits {
     settings: Settings,
@@ -437,7 +437,7 @@ pub(super) fn unpacked<T: DeserializeOwned>(object: &JsValue) -> Option<(T, Vec<
     Some((message, buffers.iter().map(JsCast::unchecked_into).collect()))
 }
 
-/// What a JavaScript error says.
+/// Message of a JavaScript error.
 pub(super) fn text_of(error: &JsValue) -> String {
     let message = get(error, "message").and_then(|message| message.as_string());
     message.unwrap_or_else(|| format!("{error:?}"))

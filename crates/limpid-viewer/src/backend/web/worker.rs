@@ -141,7 +141,7 @@ impl Worker {
                 self.sources.borrow_mut().insert(number, source.clone());
                 self.newest.set(number);
                 if !again {
-                    // What servers have may have changed.
+                    // Files on servers may have changed.
                     given::forget_servers();
                     self.noticed.take();
                 }
