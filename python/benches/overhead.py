@@ -1,4 +1,4 @@
-"""What a call costs beyond the picture: arrays to particles, threads, and the picture to an array.
+"""Costs of a call beyond the picture: arrays to particles, threads, and the picture to an array.
 
     python python/benches/overhead.py [calls]
 

@@ -64,7 +64,7 @@ _READABLE = (1, 3, 11)
 
 
 def as_array(name: str, value: Any) -> npt.NDArray[Any]:
-    """What NumPy makes of a value; of arrays that only speak DLPack too, without a copy, and of CUDA's by a copy."""
+    """Convert a value to a NumPy array: arrays that only speak DLPack without a copy, CUDA's by a copy."""
     if isinstance(value, (np.ndarray, list, tuple)):
         return np.asarray(value)
     # Checked first: these arrays implement NumPy's protocols only to refuse.

@@ -20,7 +20,7 @@ _LINEAR = np.where(_BYTES <= 0.04045, _BYTES / 12.92, ((_BYTES + 0.055) / 1.055)
 def coloring(
     colors: Any, values: Any, colormap: Any, range: Any, count: int, kept: npt.NDArray[np.bool_] | None
 ) -> dict[str, Any]:
-    """What colours `count` particles, of which some are `kept`, as the native half takes it."""
+    """Return the colours of `count` particles, of which some are `kept`, as the native half takes them."""
     if colors is not None and values is not None:
         raise ValueError("colors and values: give one of them")
     if values is None and (colormap is not None or range_of(range) is not None):

@@ -104,7 +104,7 @@ class Drawing:
         thickness: float | None = None,
         views: Sequence[Camera] = (),
     ) -> tuple[dict[str, Any], Scene | None]:
-        """What the device draws, with the scene that was given."""
+        """Draw the particles. Returns the device's results, and the scene that was given."""
         if isinstance(positions, Particles):
             own = positions
             velocities = own.velocities if velocities is None else velocities
@@ -133,7 +133,7 @@ class Drawing:
             raise ValueError(f"frame is {frame!r}; expected a whole number")
         if not -(2**62) < frame < 2**62:
             raise ValueError(f"frame is {frame}; expected a number between -2**62 and 2**62")
-        # What was looked at once does not need to be looked at for each picture of a series: of one scene.
+        # A scene is checked once, not for each picture of a series.
         described = scene is not None and any(scene is known for known in self._known)
         if not described:
             self._issued.clear()

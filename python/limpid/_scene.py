@@ -42,9 +42,9 @@ _SHAPES = {Plane: "plane", Box: "box", Sphere: "sphere", Mesh: "mesh"}
 
 
 class Scene:
-    """What a picture shows beside the liquid, and how the liquid looks.
+    """Surroundings and look of the liquid.
 
-    Right-handed, y up, metres; linear RGB. What is not given and the picture needs comes from a
+    Right-handed, y up, metres; linear RGB. Missing parts that the picture needs come from a
     `look`, unless there is an `environment`: then the scene is complete as it is.
 
     Parameters
@@ -284,13 +284,13 @@ class Settings(MutableMapping[str, Any]):
 
 
 class _Arrays:
-    """What a scene has in memory instead of files, by the names that stand for it in the text."""
+    """Data of a scene in memory instead of files, by the names that stand for it in the text."""
 
     def __init__(self) -> None:
         self.meshes: list[tuple[str, npt.NDArray[Any], npt.NDArray[Any], Any]] = []
         self.environments: list[tuple[str, npt.NDArray[Any]]] = []
         self.textures: list[tuple[str, npt.NDArray[Any]]] = []
-        # What the user calls what a name stands for.
+        # The user's labels of these names.
         self.labels: dict[str, str] = {}
 
     def mesh(self, label: str, mesh: Mesh) -> str:

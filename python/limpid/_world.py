@@ -63,7 +63,7 @@ class Key:
 
 @dataclass(frozen=True, eq=False)
 class _Solid:
-    """What all solids have.
+    """Properties of all solids.
 
     Parameters
     ----------

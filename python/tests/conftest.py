@@ -1,4 +1,4 @@
-"""What the tests share: particles, a renderer, and the files of the repository."""
+"""Fixtures of the tests: particles, a renderer, and the files of the repository."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes: what is given is what is drawn, and what cannot be drawn is named."""
+"""Scenes are drawn as they are given, and problems of those that cannot be drawn are named."""
 
 from __future__ import annotations
 

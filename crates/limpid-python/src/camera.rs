@@ -34,7 +34,7 @@ pub(crate) type Rows = [[f64; 4]; 4];
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Camera(pub(crate) Kind);
 
-/// What a camera was made from.
+/// Parameters that a camera was made from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "there are few cameras")]
 pub(crate) enum Kind {

@@ -60,7 +60,7 @@ pub(crate) enum Coloring {
 pub(crate) struct Colored {
     /// Colours of the fluids of a clear liquid, behind its thickness.
     pub(crate) tints: Option<Vec<Vec3>>,
-    /// What colours an opaque one in place of the scene's attribute.
+    /// Colours of an opaque one, in place of the scene's attribute.
     pub(crate) by: Option<ColorBy>,
     /// The values that are shown.
     pub(crate) scale: Option<ColorScale>,

@@ -433,7 +433,7 @@ impl Drawer {
         slot
     }
 
-    /// What is likely wrong with a picture; of one whose like was `described`, only with its view.
+    /// Lists likely mistakes in a picture; if one like it was `described`, only those in its view.
     fn notices(
         &self,
         loaded: &Loaded,

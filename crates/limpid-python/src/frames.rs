@@ -16,7 +16,7 @@ use crate::camera::{Camera, Kind};
 use crate::colors::of_values;
 use crate::{scene, work};
 
-/// What decides how particles are drawn, apart from the picture.
+/// Properties that decide how particles are drawn, apart from the picture.
 #[derive(Clone, Default)]
 pub(crate) struct Setting {
     pub(crate) project: Option<Project>,
@@ -170,7 +170,7 @@ impl Frames {
     }
 }
 
-/// What to draw: particles, or a frame of files.
+/// Source of a picture: particles, or a frame of files.
 pub(crate) enum Source {
     Particles(Arc<Particles>, Box<Setting>),
     Frame(Arc<Staged>),

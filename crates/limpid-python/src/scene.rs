@@ -153,7 +153,7 @@ impl Project {
         Ok(Some(pixels.as_flattened().to_vec().into_pyarray(py).reshape(shape)?))
     }
 
-    /// What the files of the scene contain or name, and its pictures do not show.
+    /// Contents of the scene's files that its pictures do not show.
     fn remarks(&self) -> Vec<String> {
         self.locked().solid_files.remarks.clone()
     }

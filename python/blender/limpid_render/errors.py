@@ -1,4 +1,4 @@
-"""What cannot be drawn, in one line."""
+"""Problems of scenes that cannot be drawn, in one line."""
 
 
 class Problem(Exception):

@@ -1,4 +1,4 @@
-"""What a scene says about its liquid."""
+"""Properties of a scene's liquid."""
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from mathutils import Euler
 
-# What Blender shows of a face without a material.
+# Colour in which Blender shows faces without a material.
 _NO_MATERIAL = (0.8, 0.8, 0.8)
 
 # Colour spaces of pictures of 8 bits whose numbers are linear.

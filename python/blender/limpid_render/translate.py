@@ -42,7 +42,7 @@ class Camera:
 
 @dataclass
 class Translation:
-    """What limpid draws beside the particles."""
+    """Scene that limpid draws beside the particles."""
 
     camera: Camera
     lights: list

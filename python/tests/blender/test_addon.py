@@ -62,7 +62,7 @@ def test_the_radius_of_a_sequence_is_that_of_its_first_file(scene, tmp_path, mon
 
 
 def errors_of(capfd, scene, action):
-    """What an action that fails reports: one line, and no traceback."""
+    """Return the report of an action that fails: one line, and no traceback."""
     with pytest.raises(RuntimeError) as failed:
         action()
     printed = "".join(capfd.readouterr())
