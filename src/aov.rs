@@ -158,7 +158,7 @@ pub struct Part {
 
 impl Part {
     /// The part of a picture of which each pixel was drawn as `side`² smaller ones: the means of radiance, coverage and
-    /// masks, and the middle one of what has no mean beyond an edge.
+    /// masks, and the middle value of images that cannot be averaged across an edge.
     pub(crate) fn reduced(self, side: u32) -> Self {
         if side == 1 || self.name.starts_with("caustics") {
             return self;

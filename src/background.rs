@@ -65,7 +65,7 @@ impl Background {
 }
 
 /// Linear RGB of a background in a picture of `size`, row by row from the top: it fills the picture and keeps
-/// its shape; what is too wide or too high is cut off at both sides. Each pixel is a mean over its area.
+/// its shape; excess width or height is cut off at both sides. Each pixel is a mean over its area.
 #[doc(hidden)]
 pub fn fitted(texture: &Texture, size: UVec2) -> Vec<[f32; 4]> {
     let linear: Vec<f32> = (0..=255u8).map(|c| linear_from_srgb(f32::from(c) / 255.0)).collect();

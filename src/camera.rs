@@ -28,7 +28,7 @@ pub struct Camera {
     pub target: DVec3,
     /// World-space direction that points up in the picture; any length, not parallel to the view.
     pub up: Vec3,
-    /// Vertical field of view, degrees (above 0, below 180). Only near what is seen through other lenses.
+    /// Vertical field of view, degrees (above 0, below 180). An approximation for other lenses.
     pub fov_y: f32,
     /// Near plane, m. The eye counts as inside liquid nearer than this. Default: a thousandth of the
     /// distance to the target, or half the distance to the nearest liquid where the former would clip
@@ -43,7 +43,7 @@ pub struct Camera {
 pub enum Lens {
     /// Parallel rays.
     Orthographic {
-        /// Height of what the picture shows, m.
+        /// Height of the part of the scene in the picture, m.
         height: f64,
     },
     /// A calibrated pinhole camera. A picture of another shape than `size` shows more or less at both sides.
@@ -192,7 +192,7 @@ impl Lens {
 }
 
 impl fmt::Display for Camera {
-    /// Writes what [`Camera::from_str`] parses, losslessly: `eye=1,2,3 target=0,0,0 up=0,1,0 fov_y=40`.
+    /// Writes the form that [`Camera::from_str`] parses, losslessly: `eye=1,2,3 target=0,0,0 up=0,1,0 fov_y=40`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (eye, target, up) = (self.eye, self.target, self.up);
         write!(f, "eye={},{},{} ", eye.x, eye.y, eye.z)?;

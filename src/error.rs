@@ -17,7 +17,7 @@ pub enum Error {
     Invalid {
         /// The part that holds the value: `settings`, `[light]`, `camera`.
         part: String,
-        /// The value and what was expected.
+        /// The value and the expected ones.
         problem: String,
     },
     /// A picture without pixels.

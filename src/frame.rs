@@ -31,8 +31,8 @@ pub struct FrameInput<'a> {
     pub splats: &'a Splats,
     /// Pixels of the picture.
     pub size: UVec2,
-    /// The picture of the program that uses limpid: liquid appears in it, and rays see it. The scene's solids
-    /// are then what rays find where the host's picture does not show its scene. They are not drawn.
+    /// The picture of the program that uses limpid: liquid appears in it, and rays see it. Rays find
+    /// the scene's solids where the host's picture does not show its own; the solids are not drawn.
     pub host: Option<&'a Host>,
     /// Draw the images of the first interface, [`Images::surface`], with motion vectors since the frame before.
     ///

@@ -215,7 +215,7 @@ impl Body {
         liquid.min(self.solids_lowest - BELOW_SOLIDS * self.size())
     }
 
-    /// Minimum and maximum corner of what a camera shows: the liquid, and the solids with it.
+    /// Minimum and maximum corner of a camera's subject: the liquid, and the solids with it.
     fn shown(&self) -> (DVec3, DVec3) {
         let corners = self.corners.iter();
         corners.fold(self.bounds, |(min, max), &corner| (min.min(corner), max.max(corner)))
@@ -236,10 +236,10 @@ impl Body {
         const SHARE: DVec2 = DVec2::new(0.64, 0.66);
         /// Vertical field of view, degrees.
         const FOV_Y: f64 = 34.0;
-        /// Largest tangent of half the horizontal field of view: that of a picture of 21:9. Wider ones would distort
-        /// what they show at their sides.
+        /// Largest tangent of half the horizontal field of view: that of a picture of 21:9. Wider ones would be
+        /// distorted at their sides.
         const WIDEST: f64 = 0.72;
-        /// Each corrects the distance and the target by what the last one has left.
+        /// Each corrects the distance and the target by the error that the last one has left.
         const STEPS: usize = 12;
 
         let (min, max) = self.shown();

@@ -333,7 +333,7 @@ impl Renderer {
         }
     }
 
-    /// Checks a frame, resizes what is drawn into, uploads changed inputs, and compiles missing pipelines,
+    /// Checks a frame, resizes the images of its passes, uploads changed inputs, and compiles missing pipelines,
     /// except for refraction, which takes longest and is compiled later.
     fn prepare_views<'a>(
         &mut self,

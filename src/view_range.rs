@@ -30,11 +30,11 @@ pub(crate) fn check_scale(splats: &Splats, view: &View) -> Result<()> {
 /// beyond the second they make noise of them.
 const RESOLVED: std::ops::Range<f64> = 1e5..1e6;
 
-/// A view from farther away than 32-bit depths resolve particles, from near by: with parallel rays, which show what is in
-/// the picture where it is, but for a tenth of a pixel. Any other is returned as it is.
+/// A view from farther away than 32-bit depths resolve particles, from near by: with parallel rays, which move
+/// nothing in the picture by more than a tenth of a pixel. Any other view is returned as it is.
 ///
 /// # Errors
-/// [`Error::Invalid`] if rays are not parallel enough for what is in the picture, with the distance that is.
+/// [`Error::Invalid`] if rays are not parallel enough for the picture's contents, with the distance from which they are.
 pub(crate) fn from_near_by(
     view: View,
     scene: &Scene,

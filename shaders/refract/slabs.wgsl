@@ -30,7 +30,7 @@ struct Slab {
     back: vec3f,
 }
 
-// Those of both classes, and whether they have gaps.
+// Slabs of both classes, and whether they have gaps.
 struct Slabs {
     aggregate: Slab,
     splash: Slab,

@@ -14,7 +14,7 @@ pub struct View {
     pub view_from_world: DMat3,
     /// The part of view space in the picture.
     pub projection: Projection,
-    /// Distance of what is looked at, m.
+    /// Distance of the target, m.
     pub focus: f64,
     /// As [`Camera::near`]; for an orthographic view 0 by default.
     pub near: Option<f32>,
@@ -162,7 +162,7 @@ impl View {
     /// Checks that the view can be drawn.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming what is wrong.
+    /// [`Error::Invalid`] naming the problem.
     pub fn check(&self) -> Result<()> {
         let fail = |problem: &str| Err(Error::invalid("camera", problem));
         if !is_position(self.eye) || !self.view_from_world.is_finite() {

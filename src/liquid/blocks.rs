@@ -1,4 +1,4 @@
-//! A frame's splats by blocks: what a view asks of all splats, it asks of the blocks first.
+//! A frame's splats by blocks: a view tests whole blocks before single splats.
 //!
 //! Files list particles in some order along which neighbours lie near each other, so that most blocks are small boxes. Where
 //! they are not, a view looks at more of the splats.
@@ -11,7 +11,7 @@ use super::classify::{DeviceSplats, Extent, Splat, Splats};
 /// Splats of a block.
 pub const SIZE: usize = 64;
 
-/// Consecutive splats, and what holds for each of them.
+/// Consecutive splats, and bounds that hold for each of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
     /// Box of the centres, relative to the splats' origin, m.
@@ -29,9 +29,9 @@ pub struct Block {
 /// The blocks of a frame's splats.
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
-    /// Those of the bodies and sheets.
+    /// Blocks of the bodies and sheets.
     pub aggregates: Vec<Block>,
-    /// Those of the droplets.
+    /// Blocks of the droplets.
     pub splashes: Vec<Block>,
     /// Whether there are bodies or sheets of particles of other radii than most.
     pub radii_differ: bool,

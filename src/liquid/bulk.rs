@@ -37,7 +37,7 @@ const SAMPLES: usize = 4096;
 /// Least number of sampled positions in the cell of the median one: cells of that size are connected in liquid.
 const FILLED: usize = 8;
 
-/// Most positions of a cell that count, which limits what crowds weigh.
+/// Most positions of a cell that count, which limits the weight of crowds.
 const CROWD: usize = 2 * FILLED;
 
 /// Distance from the core within which particles belong to the bulk even if unconnected, as a multiple

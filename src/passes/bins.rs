@@ -190,7 +190,7 @@ pub struct Listed<'a> {
     pub blocks: &'a [Block],
     /// The same on the device.
     pub buffers: &'a SplatBuffers,
-    /// Where only the device has them, what is known of them.
+    /// Splats that only the device has, if there are any.
     pub device: Option<&'a DeviceSplats>,
 }
 

@@ -182,7 +182,7 @@ pub struct Output<'a> {
 }
 
 impl CausticBuffers {
-    /// Those of a shape; created if there are none.
+    /// Returns the buffers of a shape; creates them if there are none.
     fn of_shape(&mut self, gpu: &Gpu, size: UVec2, cells: UVec2, blur: bool) -> Buffers {
         let shape = (size, cells, blur);
         if let Some(kept) = self.shapes.iter().find(|buffers| buffers.shape() == shape) {

@@ -275,7 +275,7 @@ fn put_tree(geometry: &mut Vec<[u32; 4]>, mesh: &Mesh) {
     let (min, part) = (min.as_dvec3(), part.as_dvec3());
     let sides = |node: &Bvh2Node| {
         let parts = |corner: Vec3A| (Vec3::from(corner).as_dvec3() - min) / part;
-        // Outwards, so that the box holds what it held.
+        // Rounded outwards, so that the box does not shrink.
         let low = parts(node.aabb.min).floor().to_array().map(|x| x as u16);
         let high = parts(node.aabb.max).ceil().to_array().map(|x| x as u16);
         [0, 1, 2].map(|i| u32::from(low[i]) | u32::from(high[i]) << 16)

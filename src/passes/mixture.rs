@@ -80,7 +80,7 @@ impl Shares {
         self.0.iter().fold(0.0, |most, coefficients| most.max(coefficients.max_element()))
     }
 
-    /// Those of the only fluid, or the scale of the mixture's.
+    /// Returns the coefficients of the only fluid, or the scale of the mixture's.
     pub fn uniform(&self) -> Vec3 {
         if self.are_mixed() { Vec3::splat(self.strongest()) } else { self.0[0] }
     }

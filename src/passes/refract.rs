@@ -503,7 +503,7 @@ impl Params {
         }
     }
 
-    /// The same for the view of a light, which what is scattered does not reach.
+    /// The same for the view of a light, which no scattered light reaches.
     pub fn of_light(scene: &Scene, settings: &settings::Refract, radius: f32) -> Self {
         let absorption = Shares::of_attenuation(scene).uniform().to_array();
         Self { absorption, ..Self::new(scene, settings, radius) }

@@ -10,7 +10,7 @@ use crate::liquid::classify::{DeviceSplats, Splat as SplatData};
 #[derive(Debug)]
 pub(super) struct Chunk {
     buffer: wgpu::Buffer,
-    /// Group 1 of what reads splats: `count` of them.
+    /// Group 1 of pipelines that read splats: `count` of them.
     pub(super) group: wgpu::BindGroup,
     pub(super) count: u32,
     /// Whether the buffer is another one's, which is not written.
@@ -110,7 +110,7 @@ fn write(gpu: &Gpu, buffer: &wgpu::Buffer, splats: &[SplatData]) {
     }
 }
 
-/// The layout of group 1 of what reads splats.
+/// The layout of group 1 of pipelines that read splats.
 pub(super) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     gpu.layout("splats", wgpu::ShaderStages::COMPUTE, &[gpu::storage::<SplatData>()])
 }

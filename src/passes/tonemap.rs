@@ -25,7 +25,7 @@ pub struct Params {
     pub bounded: u32,
     /// Width of the dither: a step of the encoded target, 0 for none.
     pub dither: f32,
-    /// First row of what is drawn.
+    /// First row that is drawn.
     pub first_row: u32,
 }
 
@@ -88,7 +88,7 @@ impl<'a> From<&'a Picture> for Target<'a> {
 /// Tone-maps radiance into a picture or a caller's texture view.
 #[derive(Debug)]
 pub struct Tonemap {
-    /// Blend over what the view contains, by coverage, instead of replacing it.
+    /// Blend over the contents of the view, by coverage, instead of replacing them.
     blends: bool,
     views: HashMap<wgpu::TextureFormat, wgpu::RenderPipeline>,
     picture: Option<wgpu::ComputePipeline>,
@@ -96,7 +96,7 @@ pub struct Tonemap {
     picture_layout: wgpu::BindGroupLayout,
 }
 
-/// A target, with what draws into it.
+/// A target, with the pipeline that draws into it.
 #[derive(Debug)]
 pub struct Prepared<'a>(Output<'a>);
 

@@ -76,7 +76,7 @@ pub struct FrameInputs<'a> {
     pub fits: &'a [smooth::Params],
 }
 
-/// A view: its bindings, and what its passes draw.
+/// A view: its bindings, and the images of its passes.
 #[derive(Debug)]
 pub struct ViewPasses {
     pub camera: CameraBinding,

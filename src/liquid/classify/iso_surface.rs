@@ -2,7 +2,7 @@
 //! at an iso-surface of the SPH density. Those of a sheet have the surface on both sides: they get its thickness.
 //!
 //! The mean of the neighbours places a splat by where its neighbours happen to be, so that single particles stand
-//! out of a flat surface. The iso-surface averages over all of them. It is what meshes of SPH are made of; the
+//! out of a flat surface. The iso-surface averages over all of them. Meshes of SPH are made from it; the
 //! level and the smoothing step are those of F. Löschner, T. Böttcher, S. R. Jeske and J. Bender, "Weighted
 //! Laplacian Smoothing for Surface Reconstruction of Particle-based Fluids", Vision, Modeling, and Visualization
 //! 2023, and of their program splashsurf. Instead of a mesh, each splat has one point of the surface, which moves

@@ -149,7 +149,7 @@ impl<'a> ScreenBounds<'a> {
         }
         let nearest = -center.z - half.z;
         let is_far = nearest >= Self::DISTANT * (half.z + reach) && depths[0] > self.camera.near;
-        // Not so for what is not a number.
+        // False for NaN.
         let is_alike = block.reach <= Self::ALIKE * block.mean_reach;
         if !(is_alike && (is_far || self.is_orthographic())) {
             return None;

@@ -1,4 +1,4 @@
-//! The kernels of caustic maps, compiled for one scene, and the layouts of what they read and write.
+//! The kernels of caustic maps, compiled for one scene, and the layouts of their bindings.
 
 use wgpu::TextureViewDimension::D2;
 

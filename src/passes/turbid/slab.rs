@@ -72,8 +72,8 @@ pub fn critical_cosine(eta: f64) -> f64 {
     (1.0 - 1.0 / (eta * eta)).max(0.0).sqrt()
 }
 
-/// Share of light from everywhere outside that enters a liquid of index `eta`: by reciprocity, what leaves it times
-/// eta².
+/// Share of light from everywhere outside that enters a liquid of index `eta`: by reciprocity, the share that leaves
+/// it times eta².
 pub fn mean_transmittance(eta: f64) -> f64 {
     let critical = critical_cosine(eta);
     let nodes = gauss_legendre();
