@@ -168,7 +168,7 @@ def test_legends_are_drawn_over_copies(draw, ball):
 
 
 def test_films_keep_a_range(renderer, ball, painted, tmp_path):
-    """That of the first frame whose values differ: emitters begin without particles."""
+    """It is that of the first frame whose values differ: emitters begin without particles."""
     heat = ball[:, 0] + 2
     frames = [limpid.Particles(np.zeros((0, 3)))]
     frames += [limpid.Particles(ball, values=v) for v in (np.full(len(ball), 5.0), heat, 2 * heat)]

@@ -211,7 +211,7 @@ fn describe_scene(scene: &Scene) -> (String, &[u8]) {
     (format!("{scene:?}"), map)
 }
 
-/// Describes what moves solids at a frame time; where they are at rest belongs to the scene.
+/// Describes the motion of solids at a frame time; their places at rest belong to the scene.
 fn describe_motion(motion: &SolidMotion, at: FrameTime, missing: Missing) -> String {
     let files = motion.files(at, missing).into_iter().map(stamp);
     format!("{at:?} {:?} {}", files.collect::<Vec<_>>(), motion.keys())

@@ -37,7 +37,7 @@ struct Info {
     last: i64,
     /// Difference of consecutive numbers; `None` if they differ unevenly.
     stride: Option<u64>,
-    /// The axis that points up in the files; what is described has y up.
+    /// The axis that points up in the files; the description has y up.
     up: String,
     /// The rule that decided: option, scene, flat, guessed, default, or the name of a program.
     up_from: &'static str,
@@ -61,7 +61,7 @@ struct FrameInfo {
     attributes: Vec<&'static str>,
     /// Arrays of the file other than the positions.
     arrays: Vec<ArrayInfo>,
-    /// The values of what particles can be colored by.
+    /// The values that particles can be colored by.
     ranges: Vec<RangeInfo>,
     /// Remarks on the file.
     remarks: Vec<String>,

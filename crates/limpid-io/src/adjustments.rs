@@ -70,7 +70,7 @@ pub enum Sun {
 /// The colour of the liquid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Tint {
-    /// That of water, whatever the liquid's size.
+    /// Colour of water, whatever the liquid's size.
     Physical,
     /// None.
     Clear,
@@ -112,7 +112,7 @@ impl Sun {
 }
 
 impl fmt::Display for Sun {
-    /// Writes what [`Sun::from_str`] parses.
+    /// Writes the form that [`Sun::from_str`] parses.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::None => f.write_str("none"),
@@ -122,7 +122,7 @@ impl fmt::Display for Sun {
 }
 
 impl fmt::Display for Tint {
-    /// Writes what [`Tint::from_str`] parses.
+    /// Writes the form that [`Tint::from_str`] parses.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Physical => f.write_str("physical"),

@@ -29,7 +29,7 @@ pub(crate) struct Budget {
 }
 
 impl Budget {
-    /// A budget of `limit` bytes, or of what the length of its files warrants, which are added as they are opened.
+    /// A budget of `limit` bytes, or as the length of its files warrants, which are added as they are opened.
     pub(crate) fn new(limit: Option<u64>) -> Self {
         let (length, used) = (Cell::default(), Cell::default());
         Self { set: limit, length, files: RefCell::default(), used, meshes: false }
@@ -63,7 +63,7 @@ impl Budget {
         self.used.get()
     }
 
-    /// Gives back what was taken since so much was used.
+    /// Gives back all memory that was taken since `used` bytes were.
     pub(crate) fn rewind(&self, used: u64) {
         self.used.set(used);
     }
@@ -85,7 +85,7 @@ impl Budget {
         Ok(())
     }
 
-    /// The error of a file that takes more than what is left.
+    /// The error of a file that takes more than is left.
     pub(crate) fn exceeded(&self, path: &Path, location: Location) -> Error {
         let what = match self.files.borrow().len() {
             _ if self.meshes => Unpacked::Meshes,

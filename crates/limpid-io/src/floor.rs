@@ -40,7 +40,7 @@ pub(crate) fn is_ground(solid: &Solid) -> bool {
 }
 
 impl fmt::Display for Floor {
-    /// Writes what [`Floor::from_str`] parses.
+    /// Writes the form that [`Floor::from_str`] parses.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::None => f.write_str("none"),

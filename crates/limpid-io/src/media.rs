@@ -85,7 +85,7 @@ impl MediumName {
 }
 
 impl fmt::Display for MediumName {
-    /// Writes what [`MediumName::from_str`] parses.
+    /// Writes the form that [`MediumName::from_str`] parses.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.row().1)
     }

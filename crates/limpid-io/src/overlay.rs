@@ -321,8 +321,8 @@ mod tests {
         }
     }
 
-    /// Axes are those of the files: what was turned has its z upward. They lie in the picture whatever its size, or are
-    /// left out.
+    /// Axes are those of the files: files that were turned have their z upward. They lie in the picture whatever its size,
+    /// or are left out.
     #[test]
     fn axes_are_those_of_the_files() {
         let camera = Camera {

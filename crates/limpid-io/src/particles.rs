@@ -155,7 +155,7 @@ impl fmt::Display for Attribute {
 /// Options for reading particle files.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
-    /// Limit of what is made of a frame, bytes, since a small compressed file can claim any amount of memory: of a
+    /// Limit of a frame's unpacked size, bytes, since a small compressed file can claim any amount of memory: of a
     /// file, or of all files that it lists or that hold the ranks of a frame, together. By default 100 times
     /// their length, but at least 1 GiB and at most 16 GiB.
     pub max_unpacked: Option<u64>,
@@ -287,7 +287,7 @@ pub fn write(particles: &Particles, path: &Path) -> Result<()> {
     output::write_atomically(path, FILE_KIND, |file| write(particles, file))
 }
 
-/// Lists what the format of this name cannot store of these particles: names of attributes, and
+/// Lists properties of these particles that the format of this name cannot store: names of attributes, and
 /// `64-bit places`.
 ///
 /// # Errors
@@ -311,7 +311,7 @@ pub fn attribute_names(particles: &Particles) -> impl Iterator<Item = &'static s
 }
 
 impl Contents {
-    /// As [`read()`], with the list of all arrays, and remarks on what could not be used.
+    /// As [`read()`], with the list of all arrays, and remarks on contents that could not be used.
     ///
     /// # Errors
     ///
@@ -476,7 +476,7 @@ const FORMATS: [Format; 28] = {
 };
 
 impl Format {
-    /// Reads a file, which may be compressed by gzip, with what cannot be used of it.
+    /// Reads all contents of a file, also those that cannot be used. It may be compressed by gzip.
     fn read_packed(
         &self,
         path: &Path,

@@ -285,7 +285,7 @@ impl Project {
         }
     }
 
-    /// Fills in what a look provides for this body.
+    /// Fills in the parts that a look provides for this body.
     pub(crate) fn complete(&mut self, body: &Body) {
         if let Some(automatic) = self.automatic.take() {
             automatic.complete(self, body);

@@ -34,7 +34,7 @@ impl Spread {
 mod tests {
     use super::*;
 
-    /// Outliers stretch the extremes alone, and what is no number neither.
+    /// Outliers stretch the extremes alone, and NaN stretches neither.
     #[test]
     fn usual_ranges_leave_outliers_out() {
         let mut values: Vec<f32> = (0..=1000u16).map(f32::from).collect();

@@ -1,4 +1,4 @@
-//! The application: what becomes of keys, buttons and messages.
+//! The application: its state, and the effects of keys, buttons and messages.
 
 mod actions;
 pub mod command_line;

@@ -1,6 +1,6 @@
 //! The work behind the interface: opening, loading, simulating, drawing, writing.
 //!
-//! [`core`] is how it is done, and what is said of it. `native` does it on threads; `web` in the worker of a page, to
+//! [`core`] has the tasks and their messages. `native` runs them on threads; `web` in the worker of a page, to
 //! which requests and answers travel as messages. Both have the same functions, which `here` names.
 
 pub mod core;

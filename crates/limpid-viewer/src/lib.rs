@@ -4,13 +4,13 @@
 //! threads, or in a browser, which has none, in one worker. It sends messages to the interface, which wake it; nothing
 //! else does except input and playback.
 //!
-//! | folder | what |
+//! | folder | contents |
 //! |---|---|
-//! | [`model`] | what is open and how it is shown: plain data |
+//! | [`model`] | the open document and its view: plain data |
 //! | [`backend`] | opening, loading, simulating, drawing, writing |
 //! | [`panels`] | the panels around the picture |
-//! | [`picture`] | what is drawn next, what is kept, the camera's controls |
-//! | [`app`] | the viewer: what becomes of keys, buttons and messages; its window, its page |
+//! | [`picture`] | the next picture to draw, kept pictures, the camera's controls |
+//! | [`app`] | the viewer: its state, the effects of keys, buttons and messages; its window, its page |
 //!
 //! Each uses those above it. [`Viewer::ui`] is one frame of the interface.
 

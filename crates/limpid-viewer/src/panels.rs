@@ -1,5 +1,5 @@
-//! The panels around the picture. Each shows what it is given, may change some of that, and lists as `Command`s what
-//! else the user wants.
+//! The panels around the picture. Each shows the state that it is given, may change some of it, and lists the user's
+//! other wishes as `Command`s.
 
 mod camera;
 pub(crate) mod dialogs;

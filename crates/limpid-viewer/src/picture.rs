@@ -1,4 +1,4 @@
-//! The picture on the screen: what is drawn next, what is kept, and how the pointer moves the camera.
+//! The picture on the screen: the next one to draw, kept ones, and the camera's controls.
 
 pub mod adaptive_resolution;
 pub mod camera_controls;

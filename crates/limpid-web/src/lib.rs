@@ -1,4 +1,4 @@
-//! The viewer of limpid for web pages: what JavaScript calls. The page is in `page/`, and the viewer itself in
+//! The viewer of limpid for web pages, as JavaScript calls it. The page is in `page/`, and the viewer itself in
 //! `limpid-viewer`; `scripts/web.sh` builds both into a folder for any server.
 
 #![cfg(target_arch = "wasm32")]
@@ -107,7 +107,7 @@ impl View {
         self.page.open_files(&files);
     }
 
-    /// Opens what the parameters of an address name.
+    /// Opens the source in the parameters of an address.
     ///
     /// # Errors
     /// Naming a parameter and its problem.
@@ -127,7 +127,7 @@ impl View {
     /// Sets the camera, as `--camera` of the program: `eye=1,2,3 target=0,0,0 fov_y=40`.
     ///
     /// # Errors
-    /// Naming what is wrong.
+    /// Message naming the wrong parameter.
     pub fn camera(&self, camera: &str) -> Result<(), JsError> {
         Ok(self.page.set_camera(camera)?)
     }

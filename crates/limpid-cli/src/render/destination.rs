@@ -26,11 +26,11 @@ pub(super) fn film_path(args: &Args) -> Option<&Path> {
 }
 
 impl Destination {
-    /// That of a run that draws `shots`, on all machines together, from `inputs`.
+    /// Destination of a run that draws `shots`, on all machines together, from `inputs`.
     ///
     /// # Errors
     /// [`Error::Usage`] and those of [`Files`], before anything is drawn, if an output is an input, another output or a
-    /// file of another kind, if it cannot be written, or if it does not hold what is to be written.
+    /// file of another kind, if it cannot be written, or if its format cannot hold the pictures.
     pub(super) fn new(args: &Args, inputs: &[PathBuf], shots: &[Shot]) -> limpid_io::Result<Self> {
         let mut files = Files::default();
         for input in inputs.iter().chain(&args.scene) {
@@ -97,7 +97,7 @@ fn pictures(args: &Args, count: usize) -> limpid_io::Result<Pictures> {
     Ok(Pictures { names, format, size: args.size, aovs: args.aov.clone() })
 }
 
-/// Fails for what a film does not hold.
+/// Fails for options that a film cannot hold.
 fn check_film(args: &Args, path: &Path) -> limpid_io::Result<()> {
     let name = path.display();
     let refuse = |problem: &str| Err(Error::Usage(format!("{name}: {problem}")));

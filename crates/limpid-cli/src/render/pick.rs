@@ -33,7 +33,7 @@ pub(super) struct Picked {
     ms: Option<f64>,
 }
 
-/// A choice, and what was opened for it.
+/// A choice, and the inputs that were opened for it.
 pub(super) struct Pick {
     pub(super) picked: Picked,
     /// The settings of the first picture.

@@ -93,7 +93,7 @@ fn aovs_can_be_selected() {
 }
 
 /// Motion vectors are those of a frame's time, however a simulator numbers its files, and a resumed run draws
-/// again what was drawn after another frame.
+/// the same again after another frame.
 #[test]
 fn motion_is_since_the_picture_before() {
     if !adapter() {

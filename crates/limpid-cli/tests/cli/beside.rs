@@ -100,7 +100,7 @@ fn inputs_share_a_clock() {
     assert_eq!(halves(&at("at.png")), halves(&at("p_2.png")));
 }
 
-/// Errors name the input, and what is for one input alone is refused.
+/// Errors name the input, and options for one input alone are refused.
 #[test]
 fn errors_name_the_input() {
     let folder = sequences();

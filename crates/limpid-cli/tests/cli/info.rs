@@ -50,7 +50,7 @@ fn info_as_json() {
     close(&scene["described"][2]["radius"], 0.025);
 }
 
-/// Which axis points up, and what says so, is in the text and in JSON.
+/// Text and JSON name the axis that points up, and how that is known.
 #[test]
 fn info_says_which_axis_is_up() {
     let folder = folder();

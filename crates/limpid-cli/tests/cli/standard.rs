@@ -26,7 +26,7 @@ fn cube(folder: &Path, name: &str) -> Vec<u8> {
     fs::read(folder.join(name)).expect("it can be read")
 }
 
-/// `render - -o -` draws what it draws of the file, to the bit, and puts nothing else on standard output.
+/// `render - -o -` draws the same as from the file, to the bit, and puts nothing else on standard output.
 #[test]
 #[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn render_from_pipe_to_pipe() {

@@ -18,7 +18,7 @@ use crate::pattern::placeholder;
 /// Reads bytes of a file at an offset.
 pub type ReadAt = Rc<dyn Fn(u64, &mut [u8]) -> io::Result<()>>;
 
-/// Fetches what a URL names.
+/// Fetches the contents of a URL.
 pub type Fetch = Rc<dyn Fn(&str) -> io::Result<Vec<u8>>>;
 
 /// Memory of fetched files that are kept, bytes. The browser has a cache of its own.
@@ -90,7 +90,7 @@ pub fn has(path: &Path) -> bool {
     STORE.with_borrow(|store| store.files.contains_key(&normal(path)))
 }
 
-/// Forgets what servers had, which may have changed.
+/// Forgets files from servers, which may have changed.
 pub fn forget_servers() {
     STORE.with_borrow_mut(|store| {
         store.listed.clear();

@@ -33,13 +33,13 @@ pub(super) struct Fluid {
     pub(super) guess_up: bool,
     /// Length of the file's unit, m.
     pub(super) scale: f64,
-    /// The box, m, y up, of what waits from the first frame to the last and is not of the bulk.
+    /// The box, m, y up, of particles outside the bulk that wait from the first frame to the last.
     pub(super) parked: Option<(DVec3, DVec3)>,
     pub(super) options: ReadOptions,
     pub(super) source: FluidSource,
 }
 
-/// The axis that points up in a file, and what tells, if that is known.
+/// The axis that points up in a file, and how that is known, if it is.
 type KnownUp = Option<(Up, UpFrom)>;
 
 /// The source of a fluid's particles.
@@ -413,8 +413,8 @@ fn joined(a: Option<Body>, b: Option<Body>) -> Option<Body> {
     }
 }
 
-/// The box of the particles that are at the same places in two frames, and not of the bulk of what moves between them.
-/// With velocities these tell.
+/// The box of the particles outside the bulk that are at the same places in two frames. `None` if they have velocities,
+/// which tell by themselves.
 fn parked(first: &Particles, last: &Particles) -> Option<(DVec3, DVec3)> {
     if first.len() != last.len() || first.velocities.is_some() {
         return None;

@@ -74,7 +74,7 @@ pub struct Loaded {
     pub splashes: usize,
     /// Origin of the radius; with several fluids, the least reliable.
     pub radius_from: RadiusFrom,
-    /// The axis that points up in the files, and what says so; see [`Loader::up`].
+    /// The axis that points up in the files, and how that is known; see [`Loader::up`].
     pub up: (Up, UpFrom),
     /// Bounds of all centres; both 0 without particles.
     pub bounds: (DVec3, DVec3),

@@ -397,7 +397,7 @@ impl Loader {
         }
     }
 
-    /// The axis that points up in the files, and what says so; with several fluids, of the first that has z up, or of
+    /// The axis that points up in the files, and how that is known; with several fluids, of the first that has z up, or of
     /// the first. Known after [`Input::resolve`].
     pub fn up(&self) -> (Up, UpFrom) {
         let turned = self.fluids.iter().find(|fluid| fluid.up == Up::Z);

@@ -165,7 +165,7 @@ impl Input {
 }
 
 impl Loader {
-    /// The outline of a loader that is elsewhere, as a page has it of what its worker has open: the numbers
+    /// The outline of a loader that is elsewhere, as a page has it of its worker's: the numbers
     /// of its frames, not their particles, and whether it [has files](Self::has_files).
     #[must_use]
     pub fn outline_of(

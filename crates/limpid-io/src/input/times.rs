@@ -25,7 +25,7 @@ impl Loader {
         Ok(())
     }
 
-    /// Fails if a file of these frame times does not exist, as a piece that another lists or what a link leads to, and
+    /// Fails if a file of these frame times does not exist, as a piece that another lists or the target of a link, and
     /// missing frames are errors.
     ///
     /// # Errors

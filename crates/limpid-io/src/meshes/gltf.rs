@@ -116,7 +116,7 @@ fn parse(path: &Path, json: &[u8], place: impl Fn(usize, usize) -> Location) -> 
     }
 }
 
-/// Fails if a mesh requires what is not read.
+/// Fails if a mesh requires an extension that is not read.
 fn check_extensions(path: &Path, document: &Document) -> Result<()> {
     // Their colours are elsewhere.
     const OTHER_COLORS: &str = "KHR_materials_pbrSpecularGlossiness";

@@ -13,7 +13,7 @@ const PADDING: f64 = 0.75;
 const BAR: DVec2 = DVec2::new(0.95, 11.0);
 const TICK: f64 = 0.3;
 
-/// Colour and opacity of what lies behind.
+/// Colour and opacity of the panel behind the legend.
 const PANEL: ([u8; 3], f32) = ([24, 26, 30], 0.72);
 
 /// Draws a legend in the upper right corner of a picture, unless that is too small for it.

@@ -78,7 +78,7 @@ pub struct Contents {
     pub(super) columns: Vec<(String, Vec<f64>)>,
     /// Arrays that are shown or described.
     pub(super) parts: Vec<Part>,
-    /// Whether [`Contents::settle`] has decided what of it is used.
+    /// Whether [`Contents::settle`] has selected its usable contents.
     pub(super) settled: bool,
     /// The first particle without a position, until it is left out.
     pub(super) unplaced: Option<Unplaced>,

@@ -119,7 +119,7 @@ impl AttributeMap {
         self.0.get(&attribute).and_then(Option::as_ref).map_or(1.0, |source| source.factor)
     }
 
-    /// Adds what an attribute is read from.
+    /// Adds the arrays that an attribute is read from.
     fn insert(&mut self, attribute: &str, text: &str) -> Result<(), String> {
         let halved = attribute.eq_ignore_ascii_case("diameter");
         let known = match attribute.to_ascii_lowercase().as_str() {

@@ -170,11 +170,12 @@ impl Grid {
         Some(strides)
     }
 
-    /// Size of its first axis, and of what is at one place of this, bytes, as messages tell them.
+    /// Size of its first axis.
     pub(super) fn rows(&self) -> usize {
         self.sizes.first().copied().unwrap_or(1)
     }
 
+    /// Size of all numbers at one place of the first axis, bytes.
     pub(super) fn row_bytes(&self) -> usize {
         let sizes = self.sizes.get(1..).unwrap_or_default();
         sizes.iter().fold(self.scalar.size(), |size, &extent| size.saturating_mul(extent))

@@ -95,7 +95,7 @@ pub(super) fn is_gzip(name: &str) -> bool {
     end.is_some_and(|end| end.eq_ignore_ascii_case(".gz"))
 }
 
-/// The beginning of what is compressed, as far as it can be unpacked from the beginning.
+/// The beginning of compressed contents, as far as it can be unpacked from the file's beginning.
 fn unpacked(start: &[u8]) -> Vec<u8> {
     let mut unpacked = Vec::new();
     // Ends with an error where the start does.

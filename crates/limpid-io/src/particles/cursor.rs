@@ -21,7 +21,7 @@ impl FileBytes<'_> {
         Error::malformed(self.path, self.location(offset), problem)
     }
 
-    /// Takes `bytes` of a budget for what is made of the file at `offset`.
+    /// Takes `bytes` of a budget for data unpacked from the file at `offset`.
     pub(crate) fn take(&self, budget: &Budget, bytes: u64, offset: usize) -> Result<()> {
         budget.take(bytes, self.path, self.location(offset))
     }

@@ -75,7 +75,7 @@ pub(crate) fn joined(path: &Path, mut parts: Vec<(String, Contents)>) -> Result<
         // Others may have some.
         all.remarks.retain(|remark| !matches!(remark, Remark::NoneSelected { .. }));
     }
-    // Each part has decided for itself what of it is used.
+    // Each part has selected its usable contents itself.
     all.settled = true;
     for attribute in Attribute::ALL {
         let has = |part: &Particles| attribute_names(part).any(|name| name == attribute.name());

@@ -190,7 +190,7 @@ fn unshuffle(bytes: &[u8], width: usize, out: &mut Vec<u8>) {
     out.extend_from_slice(rest);
 }
 
-/// Appends what a BloscLZ stream unpacks to, until `out` has `end` bytes at most; `None` if it is damaged.
+/// Unpacks a BloscLZ stream to the end of `out`, until `out` has `end` bytes at most; `None` if it is damaged.
 ///
 /// Three bits of the first byte tell the length of a match, or 0 for literal bytes; the other five tell the
 /// number of these, or begin the distance of the match.

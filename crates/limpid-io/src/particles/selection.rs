@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 /// - `type in 1,3`, `mk in 1..3`, with both ends, `id not in 0..99,200`.
 ///
 /// `x`, `y` and `z` are the positions in the file, if no array has the name.
-/// Case does not matter. The default leaves out what is no liquid in layouts whose meaning is known: see
+/// Case does not matter. The default leaves out walls and bodies in layouts whose meaning is known: see
 /// [`Remark::LeftOut`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]

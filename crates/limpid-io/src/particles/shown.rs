@@ -151,7 +151,7 @@ impl Contents {
         Ok(())
     }
 
-    /// Reads what is to be shown from the arrays that were kept; without any of them, `x`, `y` and `z` are the positions
+    /// Reads the values to show from the arrays that were kept; without any of them, `x`, `y` and `z` are the positions
     /// in the file.
     pub(super) fn show(&mut self, reading: &Reading<'_>) {
         let Some(shown) = reading.shown.map(canonical) else { return };
@@ -209,10 +209,10 @@ impl Contents {
         }
     }
 
-    /// Fails if the file lacks what is to be shown.
+    /// Fails if the file lacks the array to show.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming what it has.
+    /// [`Error::Usage`] naming the arrays that it has.
     pub(super) fn check_shown(&self, path: &Path, reading: &Reading<'_>) -> Result<()> {
         let Some(shown) = reading.shown else { return Ok(()) };
         let has = |attribute: Attribute| {

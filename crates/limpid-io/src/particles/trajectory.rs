@@ -175,7 +175,7 @@ fn scan(path: &Path, skip: impl Fn(&mut Scan<'_>) -> Result<Option<i64>>) -> Res
         scan.skip_blank_lines()?;
         let (start, lines) = (scan.offset, scan.lines);
         let number = match skip(&mut scan) {
-            // The reader tells what the file is.
+            // The reader reports the kind of the file.
             Err(_) if frames.is_empty() => break,
             number => number?,
         };

@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 const LARGEST_SHARE: f64 = 0.5;
 
 impl Contents {
-    /// Leaves out the particles that are not selected, those without a position, and what cannot be used of the
+    /// Leaves out the particles that are not selected, those without a position, and the unusable numbers of
     /// attributes. Does nothing a second time.
     ///
     /// # Errors
@@ -115,7 +115,7 @@ impl Contents {
         });
     }
 
-    /// Repairs an attribute, and remarks what was done; `substitute` names what stands for what is `wrong`.
+    /// Repairs an attribute, and remarks on the repair: `substitute` names the value in the place of `wrong` ones.
     fn repair_attribute(
         &mut self,
         attribute: Attribute,

@@ -94,7 +94,7 @@ impl Project {
         Self::parse_given(text, origin, folder, Given::default())
     }
 
-    /// As [`Project::parse`], where some of what the text names is in memory instead of files.
+    /// As [`Project::parse`], where some data that the text names are in memory instead of files.
     ///
     /// # Errors
     /// As [`Project::load`].
@@ -505,7 +505,7 @@ fn take_camera_axes(file: &mut DeTable<'_>) -> Result<(AxesFile, Vec<AxesFile>),
     Ok((camera, views))
 }
 
-/// Adds to a camera's table what [`take_camera_axes`] takes from it.
+/// Adds to a camera's table the axes that [`take_camera_axes`] takes from it.
 fn put_camera_axes(table: Option<&mut toml::Value>, axes: CameraAxes, camera: &Camera) {
     let Some(table) = table.and_then(toml::Value::as_table_mut) else { return };
     if axes.is_level {

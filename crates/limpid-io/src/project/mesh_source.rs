@@ -34,7 +34,7 @@ pub(super) enum Normals {
 }
 
 impl MeshSource {
-    /// The mesh of what was read from `path`; `texture` is that of the source.
+    /// The mesh that was read from `path`; `texture` is that of the source.
     ///
     /// # Errors
     /// [`Error::Format`] naming the file, if it has no triangle with an area, or lacks the coordinates that the
@@ -67,7 +67,7 @@ impl MeshSource {
     }
 }
 
-/// The mesh of what was read from `path`.
+/// The mesh that was read from `path`.
 ///
 /// # Errors
 /// [`Error::Format`] naming the file, if it has no triangle with an area.

@@ -48,7 +48,7 @@ impl Given {
 }
 
 impl SolidFiles {
-    /// No files yet, and what the caller has in memory.
+    /// No files yet, and the data that the caller has in memory.
     pub(super) fn with(given: Given) -> Self {
         Self { given, ..Self::default() }
     }

@@ -1,4 +1,4 @@
-//! Films of what is played.
+//! Films of the playback.
 
 use std::path::PathBuf;
 use std::sync::Arc;

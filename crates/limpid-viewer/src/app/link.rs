@@ -1,6 +1,6 @@
 //! The state of a viewer in the address of its page.
 //!
-//! | parameter | what |
+//! | parameter | meaning |
 //! |---|---|
 //! | `scene` | URL of a scene or of particles; a pattern such as `frames/water_{}.bgeo`; a folder, if it ends in `/` |
 //! | `demo` | one of the demos instead: `dam_break`, `fountain`, `lagoon`, `vase` |

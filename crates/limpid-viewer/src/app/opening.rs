@@ -1,4 +1,4 @@
-//! Opening sources, and what follows: documents that grow, and the frames of the one that is open.
+//! Opening sources: new documents, those that grow, and the frames of the one that is open.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -214,7 +214,7 @@ impl Viewer {
         self.grant_frame();
     }
 
-    /// Does what is asked for besides, now that the source is open.
+    /// Fulfils the further wishes, now that the source is open.
     fn grant_wishes(&mut self) {
         let wishes = std::mem::take(&mut self.opened.wishes);
         if let Some(camera) = wishes.camera {

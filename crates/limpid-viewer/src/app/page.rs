@@ -1,4 +1,4 @@
-//! The viewer of a page, as JavaScript calls it, and what only pages can do.
+//! The viewer of a page, as JavaScript calls it, and features that only pages have.
 
 use std::cell::{Cell, RefCell};
 use std::path::PathBuf;
@@ -87,7 +87,7 @@ impl Viewer {
         let worker = self.backend.clone();
         let busy = worker.end();
         let at = self.stage.frame_time();
-        // Whatever was asked is not answered any more.
+        // No request is answered any more.
         self.opened.frames.clear();
         self.picture.answered = self.picture.asked;
         self.picture.subject = None;
@@ -148,8 +148,8 @@ pub struct Page {
 }
 
 impl Page {
-    /// Creates the viewer, starts its worker, and opens what the address names. Without that it opens a demo, and so it
-    /// does beside a notice if a parameter is wrong.
+    /// Creates the viewer, starts its worker, and opens the source in the address, or without one a demo, with a
+    /// notice if a parameter is wrong.
     pub fn new(options: PageOptions) -> Self {
         let (sender, messages) = mpsc::channel();
         let post = Post::new(sender);
@@ -224,7 +224,7 @@ impl Page {
         viewer.post.wake();
     }
 
-    /// Opens what the parameters of an address name.
+    /// Opens the source in the parameters of an address.
     ///
     /// # Errors
     /// As [`link::parse`].
@@ -257,7 +257,7 @@ impl Page {
     /// Sets the camera, written as for `--camera`.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming what is wrong.
+    /// [`Error::Usage`] naming the wrong parameter.
     pub fn set_camera(&self, camera: &str) -> Result<(), Error> {
         let camera: Camera = camera.parse()?;
         let mut viewer = self.viewer.borrow_mut();

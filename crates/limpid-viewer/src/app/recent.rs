@@ -34,7 +34,7 @@ impl Recent {
         &self.inputs
     }
 
-    /// Puts a source first, and returns what writes the list.
+    /// Puts a source first, and returns a function that writes the list.
     pub(crate) fn add(
         &mut self,
         input: &str,

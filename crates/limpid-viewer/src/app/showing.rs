@@ -1,4 +1,4 @@
-//! The panels and the viewport: what each is given, and what becomes of the user's commands.
+//! The panels and the viewport: their contents, and the effects of the user's commands.
 
 use std::sync::Arc;
 
@@ -161,7 +161,7 @@ impl Viewer {
         self.obey(ui, commands);
     }
 
-    /// Does what the user wants.
+    /// Carries out the user's commands.
     fn obey(&mut self, ui: &egui::Ui, commands: Vec<Command>) {
         let ctx = ui.ctx().clone();
         for command in commands {

@@ -1,4 +1,4 @@
-//! The viewer in a window: what only programs can do, the window, and its replacement if its device is lost.
+//! The viewer in a window: features that only programs have, the window, and its replacement if its device is lost.
 //!
 //! egui draws the interface with its own device, which eframe opens and cannot replace. If that device
 //! is lost, the window is closed and opened again with the same viewer: the document, the settings, the

@@ -1,4 +1,4 @@
-//! How a source is opened, its frames are loaded, and pictures are drawn: one implementation, which threads and the
+//! The tasks of opening a source, loading its frames and drawing pictures: one implementation, which threads and the
 //! worker of a page schedule.
 
 pub mod drawing;

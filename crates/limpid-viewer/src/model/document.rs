@@ -257,7 +257,7 @@ pub fn opened_of(paths: &[&str]) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// Of what was dropped, the scene is opened, the only file, or the folder of the sequence, whatever lies beside it.
+    /// Of dropped files the scene is opened, the only file, or the folder of the sequence, whatever lies beside it.
     #[test]
     fn the_scene_or_the_sequence_is_opened() {
         let opened = |paths: &[&str]| opened_of(paths);

@@ -6,7 +6,7 @@ use glam::UVec2;
 use limpid::aov::{Aov, Part};
 use limpid::passes::tonemap::srgb_byte;
 
-/// A view mode: what is shown of a frame.
+/// A view mode: the picture or another image of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum View {
     /// The picture.

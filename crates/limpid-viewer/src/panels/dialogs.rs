@@ -31,7 +31,7 @@ pub(crate) enum Purpose {
 /// A button that chooses the path elsewhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Browse {
-    /// The system's dialog, for what the dialog is for.
+    /// The system's dialog, for the same purpose.
     System,
     /// The browser's, for files.
     Files,

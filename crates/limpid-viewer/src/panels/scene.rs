@@ -19,7 +19,7 @@ const UNITS: [(&str, f64); 5] = [
     ("feet", 0.3048),
 ];
 
-/// Rows for what `--look`, `--sky`, `--sun`, `--floor`, `--up` and `--scale` change. They hold for A and B.
+/// Rows for the options `--look`, `--sky`, `--sun`, `--floor`, `--up` and `--scale`. They hold for A and B.
 pub(crate) fn scene_rows(ui: &mut egui::Ui, document: &Document, commands: &mut Vec<Command>) {
     let before = &document.source.adjustments;
     let mut after = before.clone();

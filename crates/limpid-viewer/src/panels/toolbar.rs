@@ -13,7 +13,7 @@ use crate::panels::icons::{self, Sign};
 /// Width from which the toolbar fits one line, points.
 const WIDE: f32 = 860.0;
 
-/// The button that copies what draws this picture: a command, or in a browser a link.
+/// The button that copies a command that draws this picture, or in a browser a link to it.
 const COPY: &str = if IN_BROWSER { "Copy link" } else { "Copy command" };
 
 /// Contents of the toolbar.

@@ -132,7 +132,7 @@ impl PictureState {
         })
     }
 
-    /// Says on the picture what playback waits for while the flipbook fills.
+    /// Says on the picture that playback waits for the flipbook while that fills.
     pub(crate) fn flipbook_note(&self, stage: &Stage, ui: &egui::Ui, rect: Rect) {
         let progress = self.flipbook(stage).filter(|_| stage.playback.playing);
         let Some(Progress { drawn, frames, full: false, left }) = progress else { return };

@@ -7,7 +7,7 @@ use limpid_io::{Error, overlay};
 /// Pixels between two pictures.
 const GAP: u32 = 2;
 
-/// Sizes of what is put together.
+/// Sizes of the pictures that are put together.
 pub(super) struct Sizes {
     /// Of all pictures together.
     pub(super) whole: UVec2,

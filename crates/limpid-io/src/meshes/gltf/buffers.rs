@@ -79,7 +79,7 @@ impl<'a> Buffers<'a> {
         Error::malformed(self.path, Location::Part(part.to_owned()), problem)
     }
 
-    /// The error of a part of the document that has what is not read.
+    /// The error of a part of the document with an unsupported feature.
     pub(super) fn unread(&self, part: &str, problem: &str) -> Error {
         Error::format(self.path, format!("{part}: {problem}"))
     }

@@ -5,7 +5,7 @@
 //!   `libver="latest"`, becomes the same one of version 4: the chunks' index tells the width of its entries.
 //!
 //! Links in groups of the second version, which it passes over, are listed. Only structures whose signatures and
-//! bounds are right are followed, and all else is left as it is: the decoder tells what is damaged.
+//! bounds are right are followed, and all else is left as it is: the decoder reports damage.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ pub(super) struct Link {
     /// Path of its group, without slashes at the ends.
     pub(super) group: String,
     pub(super) name: String,
-    /// Path of what it names.
+    /// Path of its target.
     pub(super) target: String,
     /// The other file, of an external link.
     pub(super) file: Option<String>,

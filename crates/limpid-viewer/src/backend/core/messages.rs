@@ -64,7 +64,7 @@ impl Post {
         }
     }
 
-    /// Has the interface show what has changed.
+    /// Has the interface show its new state.
     pub(crate) fn wake(&self) {
         if let Some(context) = self.context() {
             context.request_repaint();

@@ -81,7 +81,7 @@ impl Queue {
     }
 }
 
-/// Draws what is in a queue.
+/// Draws the pictures of a queue.
 pub(crate) struct Artist<O, A, W> {
     drawer: Drawer<O>,
     answer: A,
@@ -94,7 +94,7 @@ where
     A: Fn(Answer),
     W: Fn(&Path, &[u8]) -> Result<()>,
 {
-    /// `open` opens a device, `answer` is told what has been done, and `write` takes encoded pictures.
+    /// `open` opens a device, `answer` is told of each result, and `write` takes encoded pictures.
     pub(crate) fn new(open: O, answer: A, write: W) -> Self {
         Self { drawer: Drawer::new(open), answer, write }
     }

@@ -81,7 +81,7 @@ impl Drop for DrawThread {
 }
 
 impl Shared {
-    /// Waits for what is to be done next; `None` once the queue is closed and empty.
+    /// Waits for the next picture to draw; `None` once the queue is closed and empty.
     fn next(&self) -> Option<Next> {
         let mut queue = self.queue.lock().expect("no thread panics with this lock");
         loop {

@@ -1,4 +1,4 @@
-//! The page's side of the worker: questions, and what becomes of answers.
+//! The page's side of the worker: it sends questions and handles answers.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
