@@ -1,11 +1,10 @@
 //! A liquid with any number of particles, for the benches.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use limpid::liquid::Particles;
 use limpid_io::Result;
-use limpid_io::bake;
+use limpid_io::bake::{self, Bake};
 use limpid_io::project::Project;
 
 /// Particle counts of the benches. Layers are whole, so the actual counts are 4,752, 39,128,
@@ -34,7 +33,7 @@ impl Swell {
     /// Simulates the tank with about `count` particles.
     ///
     /// # Errors
-    /// As [`bake::bake`], which writes a frame to a temporary folder.
+    /// As [`Bake::step`], which writes a frame to a temporary folder.
     pub(crate) fn new(count: usize) -> Result<Self> {
         let radius = RADIUS * (MILLION as f64 / count as f64).cbrt();
         let text = include_str!("../../sims/million.toml")
@@ -44,8 +43,8 @@ impl Swell {
         let simulation = project.simulation_mut("swell")?.clone();
         let solids = &project.scene.solids;
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let go_on = |_| ControlFlow::Continue(());
-        bake::bake(&simulation, solids, "swell", folder.path(), go_on)?;
+        let mut bake = Bake::in_folder(&simulation, solids, "swell", folder.path())?;
+        while bake.step()?.is_some() {}
         let particles = limpid_io::particles::read(&bake::frame_path(folder.path(), "swell", 1))?;
         Ok(Self { project, particles, radius: radius as f32 })
     }

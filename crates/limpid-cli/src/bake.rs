@@ -1,9 +1,8 @@
 //! The command `limpid bake`.
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use limpid_io::bake;
+use limpid_io::bake::{self, Bake};
 use limpid_io::frames::FrameSpec;
 use limpid_io::project::Project;
 
@@ -34,13 +33,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     if args.restart {
         bake::clear(&name, &folder)?;
     }
+    let mut bake = Bake::in_folder(&simulation, &project.scene.solids, &name, &folder)?;
     let bar = terminal::progress(simulation.frames as usize);
     let mut again = Vec::new();
-    let baked = bake::bake(&simulation, &project.scene.solids, &name, &folder, |progress| {
-        bar.set_position(progress.done.into());
-        again.extend(progress.again.then_some(i64::from(progress.done)));
-        ControlFlow::Continue(())
-    });
+    let baked = loop {
+        match bake.step() {
+            Ok(Some(progress)) => {
+                bar.set_position(progress.done.into());
+                again.extend(progress.again.then_some(i64::from(progress.done)));
+            }
+            Ok(None) => break Ok(()),
+            Err(error) => break Err(error),
+        }
+    };
     bar.finish_and_clear();
     if !again.is_empty() {
         let were = if again.len() == 1 { "frame was" } else { "frames were" };

@@ -1,10 +1,10 @@
-//! Baking: simulating the frames of a scene's `[simulation]` into files.
+//! Baking: simulating the frames of a scene's `[simulation]`.
 
+mod folder;
 mod record;
 
-use std::ops::ControlFlow;
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{channel, sync_channel};
 
 use limpid::liquid::Particles;
 use limpid::memory;
@@ -12,10 +12,9 @@ use limpid::scene::Solid;
 use limpid_sim::sim::{Simulation, Solver, State};
 
 use crate::error::{Error, Result};
-use crate::output;
 use crate::particles;
 
-use self::record::Record;
+pub use self::folder::{Folder, clear};
 
 /// The progress of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,190 +43,132 @@ pub fn frame_pattern(folder: &Path, name: &str) -> String {
     folder.join(format!("{name}_{{}}.bgeo")).to_string_lossy().into_owned()
 }
 
-/// Simulates the frames that are missing in `folder`, with `solids` as obstacles, and makes those again that
-/// are not as they were written.
-///
-/// `progress` is called for each frame on disk in order, including existing ones, and may end the bake
-/// by [`ControlFlow::Break`]. The frames on disk are then complete, and the next bake continues from
-/// them.
-///
-/// # Errors
-/// As [`Simulation::check`]; [`Error::Io`] if the folder cannot be written, or a frame in it cannot be read;
-/// [`Error::OtherBake`] if it contains frames of this name with other parameters, [`Error::UnknownBake`] if
-/// these have no record.
-pub fn bake(
-    simulation: &Simulation,
-    solids: &[Solid],
-    name: &str,
-    folder: &Path,
-    mut progress: impl FnMut(Progress) -> ControlFlow<()>,
-) -> Result<()> {
-    simulation.check()?;
-    let frames = simulation.frames;
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    let mut record = Record::keep(simulation, solids, name, folder)?;
-    std::thread::scope(|scope| {
-        // A thread writes each frame while the next one is simulated.
-        let (job_sender, jobs) = sync_channel::<Job>(1);
-        let (outcome_sender, outcomes) = channel();
-        let write = move || {
-            for job in jobs {
-                let outcome = job.done(folder, name);
-                let failed = outcome.is_err();
-                if outcome_sender.send(outcome).is_err() || failed {
-                    return;
-                }
-            }
-        };
-        std::thread::Builder::new().spawn_scoped(scope, write).map_err(Error::Threads)?;
-        let mut report = |outcome: Result<Written>, record: &mut Record| -> Result<_> {
-            let Written { number, sum, again } = outcome?;
-            record.add(number, sum)?;
-            Ok(progress(Progress { done: number, frames, again }))
-        };
-        // The solver, if it has made the frame before.
-        let mut solver: Option<Solver<'_>> = None;
-        for number in 1..=frames {
-            let found = found(&record, folder, name, number)?;
-            let again = matches!(found, Found::Damaged);
-            let made = if let Found::Whole(sum) = found {
-                solver = None;
-                Made::Before(sum)
-            } else {
-                let solver = match &mut solver {
-                    Some(solver) => solver,
-                    None => {
-                        let before = number.checked_sub(1).filter(|&before| before > 0);
-                        let last = before.map(|before| state(folder, name, before)).transpose()?;
-                        memory::probe(simulation.memory(last.as_ref()), name)?;
-                        solver.insert(Solver::new(simulation, solids, last))
-                    }
-                };
-                Made::Now(Box::new(solver.make(number)))
-            };
-            // A failed writer has closed the channel; its error is among the outcomes.
-            let closed = job_sender.send(Job { number, again, made }).is_err();
-            for outcome in outcomes.try_iter() {
-                if report(outcome, &mut record)?.is_break() {
-                    return Ok(());
-                }
-            }
-            if closed {
-                break;
-            }
-        }
-        drop(job_sender);
-        for outcome in outcomes {
-            if report(outcome, &mut record)?.is_break() {
-                break;
-            }
-        }
-        Ok(())
-    })
-}
+/// Store of a bake's frames: the files of a [`Folder`], or in a browser files in memory.
+pub trait Store {
+    /// Looks for a frame from an earlier bake.
+    ///
+    /// # Errors
+    /// Those of reading a frame that may be whole.
+    fn find(&mut self, number: u32) -> Result<Found>;
 
-/// A frame for the writer.
-struct Job {
-    number: u32,
-    /// Whether a damaged file is in its place.
-    again: bool,
-    made: Made,
-}
+    /// Path from which [`particles::read`] reads a frame.
+    fn path(&self, number: u32) -> PathBuf;
 
-enum Made {
-    /// By an earlier bake, with this checksum.
-    Before(u32),
-    Now(Box<Particles>),
-}
+    /// Begins to write a frame in the place of `found`.
+    ///
+    /// # Errors
+    /// Those of writing it, if they are known at once.
+    fn write(&mut self, number: u32, particles: Particles, found: Found) -> Result<()>;
 
-/// A frame on disk.
-struct Written {
-    number: u32,
-    /// Checksum of its file.
-    sum: u32,
-    again: bool,
-}
-
-impl Job {
-    /// Writes the frame, unless it is there.
-    fn done(self, folder: &Path, name: &str) -> Result<Written> {
-        let Self { number, again, made } = self;
-        let sum = match made {
-            Made::Before(sum) => sum,
-            Made::Now(particles) => {
-                let path = frame_path(folder, name, number);
-                if again {
-                    // Only particle files are replaced. A failure is reported by writing.
-                    let _ = std::fs::remove_file(&path);
-                }
-                particles::write(&particles, &path)?;
-                record::checksum(&path)?
-            }
-        };
-        Ok(Written { number, sum, again })
-    }
+    /// Whether the oldest of the frames being written has been written; if not, `wait` for it. Each is reported once.
+    ///
+    /// # Errors
+    /// Those of writing it.
+    fn has_written(&mut self, wait: bool) -> Result<bool>;
 }
 
 /// Remains of a frame from an earlier bake.
-enum Found {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Found {
+    /// No frame.
     Nothing,
-    /// The frame as it was written, with the checksum of its file.
-    Whole(u32),
+    /// The frame as it was written.
+    Whole,
+    /// A frame that was cut or changed.
     Damaged,
 }
 
-/// Looks for a frame. One whose checksum is not recorded is whole if the next frame can be made from it.
+/// A bake: makes the frames that are missing in its store, with solids as obstacles, and makes those again that are not
+/// as they were written.
 ///
-/// # Errors
-/// [`Error::Io`] or [`limpid::Error::Memory`] for a frame that cannot be read, but may be whole.
-fn found(record: &Record, folder: &Path, name: &str, number: u32) -> Result<Found> {
-    let path = frame_path(folder, name, number);
-    if !path.exists() {
-        return Ok(Found::Nothing);
-    }
-    let sum = record::checksum(&path)?;
-    let whole = match record.sum(number) {
-        Some(recorded) => recorded == sum,
-        None => match particles::read(&path) {
-            Ok(particles) => State::from_particles(particles).is_some(),
-            Err(
-                Error::Malformed { .. }
-                | Error::Unplaced { .. }
-                | Error::TooLarge { .. }
-                | Error::Format { .. },
-            ) => false,
-            Err(error) => return Err(error),
-        },
-    };
-    Ok(if whole { Found::Whole(sum) } else { Found::Damaged })
+/// Dropping it ends the bake. The frames in the store are then complete, and the next bake continues from them.
+pub struct Bake<'a, S> {
+    simulation: &'a Simulation,
+    solids: &'a [Solid],
+    /// For errors.
+    name: &'a str,
+    store: S,
+    /// The solver, if it has made the frame before.
+    solver: Option<Solver<'a>>,
+    /// Number of frames that have been reported.
+    done: u32,
+    /// Remains in the places of the frames that were made since.
+    made: VecDeque<Found>,
 }
 
-/// The state of a whole frame.
-fn state(folder: &Path, name: &str, number: u32) -> Result<State> {
-    let path = frame_path(folder, name, number);
-    let state = State::from_particles(particles::read(&path)?);
-    state.ok_or_else(|| Error::format(&path, "no frame of a bake: it has no velocities or ids"))
+impl<'a> Bake<'a, Folder> {
+    /// Begins or continues a bake in files.
+    ///
+    /// # Errors
+    /// As [`Folder::open`].
+    pub fn in_folder(
+        simulation: &'a Simulation,
+        solids: &'a [Solid],
+        name: &'a str,
+        folder: &Path,
+    ) -> Result<Self> {
+        let store = Folder::open(simulation, solids, name, folder)?;
+        Ok(Self::new(simulation, solids, name, store))
+    }
 }
 
-/// Removes a bake's frames and its record, so that the next bake starts from the beginning.
-///
-/// # Errors
-/// [`Error::Io`] naming the file that could not be removed; [`Error::UnknownBake`] for frames without a
-/// record, which may belong to another program.
-pub fn clear(name: &str, folder: &Path) -> Result<()> {
-    let remove = |path: &Path| std::fs::remove_file(path).map_err(|e| Error::io(path, "remove", e));
-    let (frames, record) = (frames_in(folder, name)?, record::path(folder, name));
-    if !frames.is_empty() && !record.exists() {
-        return Err(Error::UnknownBake { folder: folder.to_owned(), name: name.to_owned() });
+impl<'a, S: Store> Bake<'a, S> {
+    /// Frames that are made before the oldest of them is reported, at most.
+    const AHEAD: usize = 3;
+
+    /// Begins or continues a bake of a simulation that passes [`Simulation::check`].
+    pub fn new(simulation: &'a Simulation, solids: &'a [Solid], name: &'a str, store: S) -> Self {
+        Self { simulation, solids, name, store, solver: None, done: 0, made: VecDeque::new() }
     }
-    if record.exists() {
-        output::FileKind::BAKE_RECORD.check(&record)?;
+
+    /// Works until one more frame is in the store, in order and existing ones included. Returns `None` after the last.
+    ///
+    /// # Errors
+    /// Those of the store; [`limpid::Error::Memory`] if the simulation needs too much.
+    pub fn step(&mut self) -> Result<Option<Progress>> {
+        let frames = self.simulation.frames;
+        loop {
+            let number = self.done + self.made.len() as u32 + 1;
+            let wait = number > frames || self.made.len() >= Self::AHEAD;
+            match self.made.front() {
+                Some(&found) if found == Found::Whole || self.store.has_written(wait)? => {
+                    self.made.pop_front();
+                    self.done += 1;
+                    let again = found == Found::Damaged;
+                    return Ok(Some(Progress { done: self.done, frames, again }));
+                }
+                None if number > frames => return Ok(None),
+                _ => self.make(number)?,
+            }
+        }
     }
-    // The record is removed last, since frames without it would be unknown.
-    for path in frames {
-        remove(&path)?;
+
+    /// Makes a frame, unless it is in the store.
+    fn make(&mut self, number: u32) -> Result<()> {
+        let found = self.store.find(number)?;
+        if found == Found::Whole {
+            self.solver = None;
+        } else {
+            let solver = match &mut self.solver {
+                Some(solver) => solver,
+                None => {
+                    let last =
+                        (number > 1).then(|| state(&self.store.path(number - 1))).transpose()?;
+                    memory::probe(self.simulation.memory(last.as_ref()), self.name)?;
+                    self.solver.insert(Solver::new(self.simulation, self.solids, last))
+                }
+            };
+            self.store.write(number, solver.make(number), found)?;
+        }
+        self.made.push_back(found);
+        Ok(())
     }
-    if record.exists() { remove(&record) } else { Ok(()) }
+}
+
+/// Reads the state of a whole frame.
+fn state(path: &Path) -> Result<State> {
+    let state = State::from_particles(particles::read(path)?);
+    state.ok_or_else(|| Error::format(path, "no frame of a bake: it has no velocities or ids"))
 }
 
 /// Paths of all frames of this name in a folder, in any order and with any numbers.

@@ -163,7 +163,7 @@ pub enum LiquidSource {
     Fluids(Vec<ParticleSource>),
     /// A recipe, which generates them from parameters.
     Recipe(Recipe),
-    /// A simulation, whose baked frames are read: [`crate::bake::bake`].
+    /// A simulation, whose baked frames are read: [`crate::bake::Bake`].
     Simulation(Simulation),
 }
 

@@ -1,11 +1,10 @@
 //! Recipes and simulations with extreme numbers: they are generated, or refused by an error that names a
 //! key, with time and memory in proportion to their particles, not to the extent of empty space.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use limpid_io::Error;
-use limpid_io::bake;
+use limpid_io::bake::Bake;
 use limpid_io::project::Project;
 
 use super::damage::{Random, counting, within};
@@ -103,11 +102,10 @@ fn mutated_simulations_are_baked_or_refused() {
         let baked = within(&text, MAX_MEMORY, || {
             let mut project = Project::parse(&text, "a.toml", Path::new(""))?;
             let simulation = project.simulation_mut("a")?.clone();
-            let two_frames = |progress: bake::Progress| match progress.done {
-                2.. => ControlFlow::Break(()),
-                _ => ControlFlow::Continue(()),
-            };
-            bake::bake(&simulation, &project.scene.solids, "a", folder.path(), two_frames)
+            let solids = &project.scene.solids;
+            let mut bake = Bake::in_folder(&simulation, solids, "a", folder.path())?;
+            while bake.step()?.is_some_and(|progress| progress.done < 2) {}
+            Ok(())
         });
         if let Err(error) = baked {
             refused(&text, &error);

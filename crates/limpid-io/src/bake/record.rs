@@ -27,6 +27,7 @@ pub(super) fn path(folder: &Path, name: &str) -> PathBuf {
 const SUMS: &str = "sums";
 
 /// The record of the frames in a folder.
+#[derive(Debug)]
 pub(super) struct Record {
     path: PathBuf,
     parameters: Value,

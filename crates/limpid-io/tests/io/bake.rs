@@ -1,7 +1,6 @@
 //! Baked simulations: reproducible and resumable frames, and the physical behaviour of the liquid.
 
-use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -10,7 +9,7 @@ use limpid::mesh::{Mesh, MeshData, Placement};
 use limpid::scene::Shape;
 use limpid_io::Error;
 use limpid_io::Result;
-use limpid_io::bake::{self, Progress};
+use limpid_io::bake::{self, Bake, Found, Progress, Store};
 use limpid_io::project::Project;
 use tempfile::TempDir;
 
@@ -53,16 +52,16 @@ fn run(
     project: &Project,
     name: &str,
     folder: &Path,
-    progress: impl FnMut(Progress) -> ControlFlow<()>,
+    mut goes_on: impl FnMut(Progress) -> bool,
 ) -> Result<()> {
     let simulation = project.source.simulation().expect("a simulation");
-    bake::bake(simulation, &project.scene.solids, name, folder, progress)
+    let mut bake = Bake::in_folder(simulation, &project.scene.solids, name, folder)?;
+    while bake.step()?.is_some_and(&mut goes_on) {}
+    Ok(())
 }
 
 fn bake(text: &str, folder: &Path, max_frames: u32) -> Result<()> {
-    run(&project(text), "x", folder, |Progress { done, .. }| {
-        if done < max_frames { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-    })
+    run(&project(text), "x", folder, |progress| progress.done < max_frames)
 }
 
 fn frame(folder: &Path, number: u32) -> Particles {
@@ -108,7 +107,7 @@ fn frames_are_reproducible_on_any_threads_and_after_interruption() {
     let mut reported = Vec::new();
     run(&project(BUSY), "x", folder.path(), |progress| {
         reported.push(progress.done);
-        ControlFlow::Continue(())
+        true
     })
     .unwrap();
     assert_eq!(reported, Vec::from_iter(1..=12));
@@ -119,6 +118,50 @@ fn frames_are_reproducible_on_any_threads_and_after_interruption() {
     assert!(counts.windows(2).any(|pair| pair[1] > pair[0]), "{counts:?}");
     assert!(whole.iter().all(|p| p.ids.as_ref().unwrap().is_sorted_by(|a, b| a < b)));
     assert_finite(&whole);
+}
+
+/// Frames do not depend on where they are kept, nor on a thread that writes them: a page keeps them in memory, and continues
+/// where it was left.
+#[test]
+fn frames_are_the_same_in_any_store() {
+    struct Direct<'a>(&'a Path);
+
+    impl Store for Direct<'_> {
+        fn find(&mut self, number: u32) -> Result<Found> {
+            Ok(if self.path(number).exists() { Found::Whole } else { Found::Nothing })
+        }
+
+        fn path(&self, number: u32) -> PathBuf {
+            bake::frame_path(self.0, "x", number)
+        }
+
+        fn write(&mut self, number: u32, particles: Particles, _: Found) -> Result<()> {
+            limpid_io::particles::write(&particles, &self.path(number))
+        }
+
+        fn has_written(&mut self, _: bool) -> Result<bool> {
+            Ok(true)
+        }
+    }
+
+    let folder = TempDir::new().unwrap();
+    let project = project(BUSY);
+    let simulation = project.source.simulation().unwrap();
+    let bake = || Bake::new(simulation, &project.scene.solids, "x", Direct(folder.path()));
+    let mut begun = bake();
+    for number in 1..=4 {
+        // No frame is made before it is asked for.
+        assert!(!bake::frame_path(folder.path(), "x", number).exists());
+        assert_eq!(begun.step().unwrap().map(|progress| progress.done), Some(number));
+    }
+    let mut continued = bake();
+    let mut reported = Vec::new();
+    while let Some(progress) = continued.step().unwrap() {
+        reported.push(progress.done);
+    }
+    assert_eq!(reported, Vec::from_iter(1..=12));
+    let frames: Vec<_> = (1..=12).map(|number| frame(folder.path(), number)).collect();
+    assert!(frames == baked(BUSY));
 }
 
 /// A frame that temporarily cannot be read is not removed, and neither are those before it.
@@ -152,7 +195,7 @@ fn damaged_frames_are_made_again() {
         let mut again = Vec::new();
         run(&project(BUSY), "x", folder.path(), |progress| {
             again.extend(progress.again.then_some(progress.done));
-            ControlFlow::Continue(())
+            true
         })
         .unwrap();
         let frames: Vec<_> = (1..=12).map(|number| frame(folder.path(), number)).collect();
@@ -425,7 +468,7 @@ fn every_example_simulation_starts() {
         let mut project = Project::load(&path).unwrap();
         project.source.simulation_mut().unwrap().frames = 2;
         let folder = TempDir::new().unwrap();
-        run(&project, "x", folder.path(), |_| ControlFlow::Continue(())).unwrap();
+        run(&project, "x", folder.path(), |_| true).unwrap();
         assert!(count.contains(&frame(folder.path(), 1).len()), "{name}");
         assert_finite(&[frame(folder.path(), 2)]);
     }
@@ -450,13 +493,7 @@ fn a_baked_scene_is_an_input() {
     assert!(matches!(&error, Error::NotBaked { scene } if scene == name), "{error}");
     assert_eq!(error.category() as u8, 4);
 
-    run(
-        &Project::load(&path).unwrap(),
-        "drop",
-        &bake::folder(&path),
-        |_| ControlFlow::Continue(()),
-    )
-    .unwrap();
+    run(&Project::load(&path).unwrap(), "drop", &bake::folder(&path), |_| true).unwrap();
     let input = limpid_io::input::Input::open(name).unwrap();
     assert_eq!(input.loader.fps(), Some(24.0));
     let (input, project) = input.resolve().unwrap();
@@ -506,7 +543,7 @@ max = [0.08, 0.2, 0.1]
 
     let [boxed, meshed] = [boxed, meshed].map(|project| {
         let folder = TempDir::new().unwrap();
-        run(&project, "x", folder.path(), |_| ControlFlow::Continue(())).unwrap();
+        run(&project, "x", folder.path(), |_| true).unwrap();
         (1..=40).map(|number| frame(folder.path(), number)).collect::<Vec<_>>()
     });
     let mut touched = false;

@@ -1,6 +1,5 @@
 //! Rendering of a suite's entries.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use image::RgbImage;
@@ -185,7 +184,8 @@ fn baked(scene_file: &Path, bake: Bake) -> Result<(Input, Baked)> {
     let origin = baked.folder.path().join("baked.toml");
     let folder = bake::folder(&origin);
     let solids = &project.scene.solids;
-    bake::bake(&simulation, solids, "baked", &folder, |_| ControlFlow::Continue(()))?;
+    let mut frames = bake::Bake::in_folder(&simulation, solids, "baked", &folder)?;
+    while frames.step()?.is_some() {}
     let input = Input::from_project(project, &origin)?;
     Ok((input, baked))
 }

@@ -9,7 +9,6 @@ pub mod draw_thread;
 pub(crate) mod filming;
 mod truth;
 
-use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,7 +28,7 @@ use filming::Script;
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::scene::Scene;
-use limpid_io::bake;
+use limpid_io::bake::{self, Bake};
 use limpid_io::camera_path::CameraPath;
 use limpid_io::error::Result;
 use limpid_io::input::FrameTime;
@@ -97,13 +96,15 @@ impl Backend {
                     let path = Path::new(&source.input);
                     let name = path.file_stem().unwrap_or_default().to_string_lossy();
                     let folder = bake::folder(path);
-                    bake::bake(simulation, &project.scene.solids, &name, &folder, |progress| {
+                    let solids = &project.scene.solids;
+                    let mut bake = Bake::in_folder(simulation, solids, &name, &folder)?;
+                    while let Some(progress) = bake.step()? {
                         reports.progressed(progress);
-                        match stop.load(Ordering::Relaxed) {
-                            true => ControlFlow::Break(()),
-                            false => ControlFlow::Continue(()),
+                        if stop.load(Ordering::Relaxed) {
+                            break;
                         }
-                    })
+                    }
+                    Ok(())
                 });
             // Nothing is awaited on a thread: what waits blocks.
             pollster::block_on(opened);

@@ -6,6 +6,7 @@
 //! what the interface shows of them, without particles and solids. In the worker waiting is allowed, so that it
 //! reads files as other programs do; it yields while it waits for the device, and after each frame.
 
+mod baked_files;
 pub(crate) mod demos;
 mod fetch;
 mod frame_cache;

@@ -13,24 +13,22 @@ use std::task::Poll;
 
 use js_sys::{ArrayBuffer, Uint8Array};
 use limpid::gpu::Gpu;
-use limpid::liquid::Particles;
-use limpid::memory;
 use limpid::scene::Solid;
-use limpid_io::bake::{self, Progress};
-use limpid_io::error::{Error, Result};
+use limpid_io::bake::{self, Bake, Progress};
+use limpid_io::error::Result;
 use limpid_io::files::given;
 use limpid_io::frame_cache::FrameCache;
 use limpid_io::input::Loaded;
-use limpid_io::particles::bgeo;
 use limpid_io::project::Project;
 use limpid_io::sequence::Sequence;
 use limpid_io::shared_classifier::SharedClassifier;
-use limpid_sim::sim::{Simulation, Solver, State};
+use limpid_sim::sim::Simulation;
 use wasm_bindgen::prelude::Closure;
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::spawn_local;
 use web_sys::{AbortController, File, MessageEvent};
 
+use super::baked_files::BakedFiles;
 use super::demos;
 use super::fetch::{fetched, fetched_at_once, give_file, root_of, scope, without_queries};
 use super::signal::{Signal, turn};
@@ -43,9 +41,6 @@ use crate::backend::core::messages::Message;
 use crate::backend::core::opening::{self, Reports};
 use crate::backend::core::queue::{Artist, Job, Next, Queue};
 use crate::model::document::{Document, Source};
-
-/// Memory for a particle of a simulated frame, bytes: its record in the file, and its place in the list of them.
-const FRAME_BYTES: usize = 64;
 
 /// Runs the worker: answers the messages of its page for as long as it lives.
 pub fn work() {
@@ -282,7 +277,7 @@ impl Worker {
         .await;
     }
 
-    /// Simulates all frames, or if only some of them have been made the others, and reports each while the page wants it.
+    /// Simulates the frames that are missing, and reports each while the page wants it.
     async fn bake(
         &self,
         number: u64,
@@ -298,32 +293,18 @@ impl Worker {
         let number = Rc::new(Cell::new(Some(number)));
         let goes_on = self.takes_over(&folder, &simulation, &solids, &number);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        let file = |done| bake::frame_path(&folder, &name, done);
-        let exists = |done: &u32| goes_on && given::has(&file(*done));
-        let frames = simulation.frames;
-        let found = (1..=frames).take_while(exists).count() as u32;
-        let last = || -> Option<Particles> { limpid_io::particles::read(&file(found)).ok() };
-        let last = (found > 0).then(last).flatten().and_then(State::from_particles);
-        memory::probe(simulation.memory(last.as_ref()), &name)?;
-        let mut solver = Solver::new(&simulation, &solids, last);
-        for done in found.max(1)..=frames {
-            if number.get().is_none() {
-                return Ok(());
-            }
-            if done > found {
-                let particles = solver.make(done);
-                memory::probe(particles.len().saturating_mul(FRAME_BYTES), &name)?;
-                let path = file(done);
-                let bytes = bgeo::to_bytes(&particles);
-                let bytes = bytes.map_err(|error| Error::io(&path, "write", error))?;
-                given::give_bytes(path, bytes);
-            }
-            reports.progressed(Progress { done, frames, again: false });
+        let files = BakedFiles { folder: &folder, name: &name, goes_on };
+        let mut bake = Bake::new(&simulation, &solids, &name, files);
+        while let Some(progress) = bake.step()? {
+            reports.progressed(progress);
             self.changed.notify();
             turn().await;
             // Pictures for the screen have a second turn for each frame.
             if self.is_wanted() {
                 turn().await;
+            }
+            if number.get().is_none() {
+                break;
             }
         }
         Ok(())
