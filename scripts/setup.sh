@@ -70,6 +70,7 @@ case $(uname -s) in
             has ffmpeg || packages+=(ffmpeg)
             has faketime || packages+=(faketime)
             has Xvfb || packages+=(xvfb)
+            has xauth || packages+=(xauth)
             has xdotool || packages+=(xdotool)
             has xwininfo || packages+=(x11-utils)
             has_egl || packages+=(libegl1 libgl1-mesa-dri)
