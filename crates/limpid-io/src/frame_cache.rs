@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock};
 
+use rayon::ThreadPoolBuilder;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
@@ -15,6 +16,10 @@ use crate::input::Loaded;
 
 /// The result of loading a frame, shared, since it may be drawn after the cache has evicted it.
 pub type Outcome = Result<Arc<Loaded>, Arc<Error>>;
+
+/// Number of particles below which a frame is loaded by one thread: workers load frames side by side, and sharing one of them
+/// with all others takes longer than its work.
+const SHARED_PARTICLES: usize = 8192;
 
 /// A cache that loads frames ahead of playback; see [the module](self).
 pub struct FrameCache {
@@ -59,6 +64,8 @@ struct State {
     most: u64,
     /// Memory reserved for a frame before its size is known: the largest so far, bytes.
     estimate: u64,
+    /// Number of particles of the largest frame so far.
+    particles: Option<usize>,
     closed: bool,
 }
 
@@ -163,9 +170,13 @@ impl FrameCache {
             let (load, ready) = (load.clone(), ready.clone());
             let worker = shared.clone();
             let work = move || {
+                // Without one, if the system starts no more threads, all frames are shared.
+                let alone = ThreadPoolBuilder::new().num_threads(1).build().ok();
                 while let Some(i) = worker.next() {
+                    let alone = alone.as_ref().filter(|_| worker.has_small_frames());
+                    let load = || alone.map_or_else(|| load(i), |pool| pool.install(|| load(i)));
                     // A panic is reported as the frame's error, so that no caller waits forever.
-                    let loaded = catch_unwind(AssertUnwindSafe(|| load(i)));
+                    let loaded = catch_unwind(AssertUnwindSafe(load));
                     let defect = |_| {
                         Err(Error::from(limpid::Error::Defect(
                             "a frame could not be loaded".into(),
@@ -286,11 +297,18 @@ impl Shared {
         }
     }
 
+    /// Whether all frames so far, of which there are some, have few particles.
+    fn has_small_frames(&self) -> bool {
+        self.lock().particles.is_some_and(|particles| particles < SHARED_PARTICLES)
+    }
+
     fn finish(&self, i: usize, outcome: Result<Loaded>) {
+        let particles = outcome.as_ref().ok().map(|loaded| loaded.particles);
         let outcome = outcome.map(Arc::new).map_err(Arc::new);
         let bytes = outcome.as_ref().map_or(0, |loaded| loaded.bytes());
         let mut state = self.lock();
         state.estimate = state.estimate.max(bytes);
+        state.particles = state.particles.max(particles);
         state.put(i, Slot::Done(outcome, bytes));
         // The size is known only now, and may exceed the reservation.
         let mut evicted = Vec::new();

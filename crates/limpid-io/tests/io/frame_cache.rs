@@ -4,11 +4,14 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 
+use glam::Vec3;
+use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid_io::Error;
 use limpid_io::Result;
 use limpid_io::frame_cache::{CacheState, FrameCache};
-use limpid_io::input::Loaded;
+use limpid_io::input::{Input, Loaded};
+use limpid_io::particles;
 
 /// A frame with this number and this many splats.
 fn frame(number: usize, splats: usize) -> Loaded {
@@ -216,4 +219,35 @@ fn skipped_frames_are_loaded_last() {
         }
     };
     assert_eq!(shown[..4], [40, 44, 48, 52]);
+}
+
+/// Small frames are loaded by one thread each, once their size is known, and large ones by all. A film's frames are those
+/// that are loaded alone.
+#[test]
+fn small_frames_are_loaded_by_one_thread_each() {
+    let folder = tempfile::tempdir().unwrap();
+    let counts = [3000, 3000, 3000, 9000, 9000, 3000];
+    for (i, &count) in counts.iter().enumerate() {
+        let place = |k: u32| Vec3::new((k % 30) as f32, (k / 30 % 10) as f32, (k / 300) as f32);
+        let wave = |p: Vec3| Vec3::Y * (0.4 * p.x + i as f32).sin() * p.y / 10.0;
+        let places = (0..count).map(place).map(|p| 0.05 * (p + wave(p))).collect();
+        let path = folder.path().join(format!("{i}.ply"));
+        particles::write(&Particles::from_positions(places), &path).unwrap();
+    }
+    let input = Input::open(folder.path().join("{}.ply")).unwrap();
+    let (loader, project) = input.resolve().unwrap();
+    let frame = move |i: usize| loader.load(&loader.sequence.frames[i], &project.scene);
+    let alone: Vec<_> = (0..counts.len()).map(|i| frame(i).unwrap().splats).collect();
+
+    let seen = Arc::new(Mutex::new(Vec::new()));
+    let threads = seen.clone();
+    let (cache, _) = cache(counts.len(), u64::MAX, 1, move |i| {
+        threads.lock().unwrap().push(rayon::current_num_threads());
+        frame(i)
+    });
+    for (i, alone) in alone.iter().enumerate() {
+        assert!(cache.wait(i).unwrap().splats == *alone, "frame {i}");
+    }
+    let all = rayon::current_num_threads();
+    assert_eq!(*seen.lock().unwrap(), [all, 1, 1, 1, all, all]);
 }
