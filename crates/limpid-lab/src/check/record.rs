@@ -9,8 +9,7 @@ use limpid_io::error::{Result, toml_error};
 use limpid_io::files;
 use limpid_io::output::FileKind;
 
-const HEADER: &str =
-    "# Device and version with which `limpid check --bless` drew the expected pictures.\n";
+const HEADER: &str = "# What `limpid check --bless` drew the expected pictures with.\n";
 
 /// The record of a suite: one table per blessed entry.
 pub(super) struct Record {
