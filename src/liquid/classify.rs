@@ -151,7 +151,7 @@ pub struct Splats {
     pub colors: Option<Colors>,
     /// The opaque fluids among these particles, classified alone, in their [colours](Self::colors). They are seen through
     /// the others.
-    pub opaque: Option<Box<Splats>>,
+    pub opaque: Option<Box<Self>>,
 }
 
 impl Splats {
