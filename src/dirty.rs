@@ -5,6 +5,7 @@
 
 use crate::camera::View;
 use crate::frame::FrameInput;
+use crate::liquid::Colors;
 use crate::liquid::classify::{Splat, Splats};
 use crate::passes::view_passes::ViewConfig;
 use crate::scene::Scene;
@@ -81,9 +82,9 @@ impl Dirty {
 }
 
 impl LastFrame {
-    /// Whether the frame had these splats.
-    pub(crate) fn has_splats(&self, splats: &Splats) -> bool {
-        same_splats(&self.splats, splats)
+    /// Whether the frame had these splats, in these colours.
+    pub(crate) fn has_splats(&self, splats: &Splats, colors: Option<&Colors>) -> bool {
+        same_splats(&self.splats, splats) && self.splats.colors.as_ref() == colors
     }
 
     /// Stores the inputs of a frame, in the memory of the frame before.
@@ -93,14 +94,14 @@ impl LastFrame {
         input: &FrameInput<'_>,
         config: ViewConfig,
     ) -> Self {
-        let FrameInput { scene, view, splats, diagnose, .. } = *input;
+        let FrameInput { scene, view, splats, colors, diagnose, .. } = *input;
         let mut kept = last.map(|last| last.splats).unwrap_or_default();
         if dirty.splats {
             kept.aggregates.clone_from(&splats.aggregates);
             kept.splashes.clone_from(&splats.splashes);
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
             kept.device.clone_from(&splats.device);
-            kept.colors.clone_from(&splats.colors);
+            kept.colors = colors.cloned();
             kept.opaque.clone_from(&splats.opaque);
         }
         Self { scene: scene.clone(), view, splats: kept, config, diagnosed: diagnose }
@@ -134,7 +135,6 @@ fn same_splats(a: &Splats, b: &Splats) -> bool {
         && a.bulk == b.bulk
         && a.origin == b.origin
         && a.device == b.device
-        && a.colors == b.colors
         && a.opaque == b.opaque
         && a.aggregates.len() == b.aggregates.len()
         && a.splashes.len() == b.splashes.len()

@@ -4,6 +4,7 @@ use glam::UVec2;
 
 use crate::camera::View;
 use crate::host::Host;
+use crate::liquid::Colors;
 use crate::liquid::classify::Splats;
 use crate::motion::Motion;
 use crate::scene::Scene;
@@ -29,6 +30,9 @@ pub struct FrameInput<'a> {
     pub view: View,
     /// The liquid.
     pub splats: &'a Splats,
+    /// The colours of an opaque body's particles: those of the [splats](Splats::colors), or the same ones
+    /// [by another map](Colors::over).
+    pub colors: Option<&'a Colors>,
     /// Pixels of the picture.
     pub size: UVec2,
     /// The picture of the program that uses limpid: liquid appears in it, and rays see it. Rays find
@@ -55,6 +59,7 @@ impl<'a> FrameInput<'a> {
             scene,
             view: view.into(),
             splats,
+            colors: splats.colors.as_ref(),
             size,
             host: None,
             surface: None,

@@ -342,7 +342,8 @@ impl Renderer {
     ) -> Result<PreparedFrame<'a>> {
         self.check(&input)?;
         let mut last = self.last.take().filter(|_| input.reuse);
-        let is_same = |last: &LastFrame| has_last_splats || last.has_splats(input.splats);
+        let is_same =
+            |last: &LastFrame| has_last_splats || last.has_splats(input.splats, input.colors);
         let has_other_splats = !last.as_ref().is_some_and(is_same);
         if has_other_splats {
             self.splat_set.upload(&self.gpu, input.splats);
@@ -442,13 +443,12 @@ impl Renderer {
 
     /// Prepares the radiance of an opaque body.
     fn prepare_body(&mut self, frame: &mut PreparedFrame<'_>) {
-        let FrameInput { scene, splats, size, .. } = frame.input;
+        let FrameInput { scene, splats, colors, size, .. } = frame.input;
         if !scene.is_opaque() {
             (self.shaded, self.colored) = (None, None);
             return;
         }
         let (gpu, eye) = (&self.gpu, &self.camera_view);
-        let colors = splats.colors.as_ref();
         frame.color = colors.map(|colors| {
             let kept = self.colored.get_or_insert_with(|| ColorImages::new(gpu, size));
             Color::prepare(gpu, eye, &frame.uniform, colors, kept)

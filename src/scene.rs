@@ -47,7 +47,7 @@ pub struct Scene {
 }
 
 /// Behaviour of light at the liquid's surface.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub enum Kind {
     /// It enters and leaves, refracted and absorbed.
     #[default]
@@ -68,7 +68,7 @@ pub struct Medium {
 }
 
 /// The liquid's optics.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Liquid {
     /// Behaviour of light at the surface.
     pub kind: Kind,

@@ -233,6 +233,11 @@ fn colors_are_the_kernels_mean() {
     // The map's range leaves some out on either side.
     let range = [10.0, 30.0];
     let colors = Colors::by_value(&particles, radius, &splats, &values, map(range)).unwrap();
+    // By whatever map they were before.
+    for other in [[11.5, 11.75], [-1e6, 1e6]] {
+        let before = Colors::by_value(&particles, radius, &splats, &values, map(other)).unwrap();
+        assert!(before != colors && before.over(map(range)).unwrap() == colors, "{other:?}");
+    }
     let splats = Splats { colors: Some(colors), ..splats };
     let mut scene = opaque(Vec3::ONE);
     // From the eye, so that no light bounces into shadows.

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::{Splat, Splats};
 use crate::error::{Error, Result};
 use crate::liquid::particles::{Particles, drawable};
+use crate::memory;
 
 /// Support of the kernel that colours are averaged with, in particle radii.
 pub const SUPPORT: f32 = 4.0;
@@ -96,16 +97,32 @@ impl Colors {
         map: ColorMap,
     ) -> Result<Self> {
         check_count(values.len(), particles)?;
-        if map.range.iter().any(|end| !end.is_finite()) {
-            return Err(Error::invalid("color range", "its ends must be finite"));
-        }
-        let (low, span) = map.span();
+        check_range(&map)?;
         let stored = |i: usize| {
-            let place = ((values[i] - low) / span).clamp(-BEYOND, 1.0 + BEYOND);
-            let share = (place + BEYOND) / (1.0 + 2.0 * BEYOND);
-            values[i].is_finite().then_some(Vec3::new(share, 0.0, 0.0))
+            values[i].is_finite().then(|| Vec3::new(share(values[i], &map), values[i], 0.0))
         };
         let kernels = kernels(particles, default_radius, splats, stored);
+        Ok(Self { kernels: Arc::new(kernels), map: Some(Arc::new(map)) })
+    }
+
+    /// The colours of the same particles by another map, to the bit those that [`Colors::by_value`] gives; colours that are
+    /// not by value stay.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a range that is not finite; [`Error::Memory`].
+    pub fn over(&self, map: ColorMap) -> Result<Self> {
+        let Some(own) = &self.map else { return Ok(self.clone()) };
+        check_range(&map)?;
+        if own.range == map.range {
+            return Ok(Self { kernels: self.kernels.clone(), map: Some(Arc::new(map)) });
+        }
+        let Splats { aggregates, radius, origin, .. } = &*self.kernels;
+        let of = |kernel: &Splat| {
+            let value = f32::from_bits(kernel.particle);
+            Splat { radius: share(value, &map), ..*kernel }
+        };
+        let aggregates = memory::collect(aggregates.iter().map(of), "colors")?;
+        let kernels = Splats { aggregates, radius: *radius, origin: *origin, ..Splats::default() };
         Ok(Self { kernels: Arc::new(kernels), map: Some(Arc::new(map)) })
     }
 
@@ -133,7 +150,8 @@ impl Colors {
         self.map.as_deref()
     }
 
-    /// A sphere of the kernel's support around each particle; the fields that placing it does not read have the colour.
+    /// A sphere of the kernel's support around each particle; the fields that placing it does not read have the colour, or
+    /// a value as the map's range stores it and the value itself.
     pub(crate) fn kernels(&self) -> &Splats {
         &self.kernels
     }
@@ -142,6 +160,20 @@ impl Colors {
     pub(crate) fn stored_range() -> [f32; 2] {
         [BEYOND / (1.0 + 2.0 * BEYOND), 1.0 / (1.0 + 2.0 * BEYOND)]
     }
+}
+
+fn check_range(map: &ColorMap) -> Result<()> {
+    match map.range.iter().all(|end| end.is_finite()) {
+        true => Ok(()),
+        false => Err(Error::invalid("color range", "its ends must be finite")),
+    }
+}
+
+/// A value as kernels have it: 0 to 1 from [`BEYOND`] ranges below the map's to as many above.
+fn share(value: f32, map: &ColorMap) -> f32 {
+    let (low, span) = map.span();
+    let place = ((value - low) / span).clamp(-BEYOND, 1.0 + BEYOND);
+    (place + BEYOND) / (1.0 + 2.0 * BEYOND)
 }
 
 fn check_count(count: usize, particles: &Particles) -> Result<()> {
