@@ -1,7 +1,7 @@
 //! The command `limpid info`.
 use limpid::liquid::Particles;
 use limpid_io::Error;
-use limpid_io::color_by;
+use limpid_io::color_by::AttributeRange;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::Input;
 use limpid_io::notice::brief;
@@ -171,20 +171,13 @@ impl ArrayInfo {
 
 /// The ranges of the attributes of particles, and of the other arrays of their file.
 fn ranges(particles: &Particles, arrays: &[Array]) -> Vec<RangeInfo> {
-    let info = |name: &str, unit: &str, spread: Spread| {
-        let Spread { extremes: [min, max], usual: [low, high] } = spread;
-        RangeInfo { name: name.to_owned(), unit: unit.to_owned(), min, max, low, high }
+    // Few integers are listed by themselves.
+    let spread = arrays.iter().filter(|array| array.values.is_empty());
+    let info = |AttributeRange { name, unit, spread }| {
+        let Spread { extremes: [min, max], usual: [low, high] } = spread?;
+        Some(RangeInfo { name, unit, min, max, low, high })
     };
-    let own = color_by::Attribute::of(particles).into_iter().filter_map(|attribute| {
-        let values = attribute.values(particles)?.scalars()?;
-        Some(info(attribute.name(), attribute.unit(), Spread::of(values)?))
-    });
-    let others = arrays.iter().filter(|array| array.used_as.is_none() && array.values.is_empty());
-    let others = others.filter_map(|array| {
-        let (name, unit) = array.name_and_unit();
-        Some(info(name, unit, array.spread?))
-    });
-    own.chain(others).collect()
+    AttributeRange::of(particles, spread).into_iter().filter_map(info).collect()
 }
 
 impl RangeInfo {

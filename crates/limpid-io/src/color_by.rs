@@ -1,5 +1,7 @@
 //! Colours by an attribute of the particles: which, by which map, and over which range.
 
+mod ranges;
+
 use std::fmt;
 use std::str::FromStr;
 
@@ -13,6 +15,8 @@ use crate::error::{Error, Result};
 #[cfg(doc)]
 use crate::particles::ReadOptions;
 use crate::particles::shown::{COLOR, is_color};
+
+pub use self::ranges::AttributeRange;
 
 /// An attribute that colours particles: `liquid.color_by` in a scene file, its name there.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -299,7 +303,7 @@ impl ColorRange {
     }
 
     /// Whether two numbers are a range.
-    pub(crate) fn rises([low, high]: [f32; 2]) -> bool {
+    pub fn rises([low, high]: [f32; 2]) -> bool {
         low.is_finite() && high.is_finite() && low < high
     }
 }
@@ -330,7 +334,7 @@ impl FromStr for ColorRange {
 }
 
 /// Colours by an attribute.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ColorBy {
     /// The attribute.
     pub attribute: Attribute,
@@ -391,7 +395,7 @@ impl ColorBy {
 }
 
 /// The colours of values, as a legend shows them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ColorScale {
     /// Name of the attribute.
     pub name: String,

@@ -59,6 +59,18 @@ const TABLE: [Row; 8] = {
 };
 
 impl MediumName {
+    /// All media.
+    pub const ALL: [Self; 8] = [
+        Self::Milk,
+        Self::SkimmedMilk,
+        Self::MuddyRiver,
+        Self::Sea,
+        Self::Coffee,
+        Self::OrangeJuice,
+        Self::Blood,
+        Self::Honey,
+    ];
+
     fn row(self) -> Row {
         TABLE.into_iter().find(|row| row.0 == self).unwrap_or(TABLE[0])
     }

@@ -72,6 +72,8 @@ pub enum Notice {
     Outside(usize, usize),
     /// Colours show values over a range that the particles decide.
     Colors(ColorScale),
+    /// Pictures of this size are too small for a legend.
+    NoLegend(UVec2),
     /// Lights without caustics, by their numbers from 0:
     /// [`limpid::renderer::Renderer::lights_without_caustics`].
     Straight(Vec<usize>),
@@ -154,6 +156,9 @@ impl fmt::Display for Notice {
                     "colors show {name} from {low} to {high}{unit} in every frame: the 2nd to 98th percentile of the \
                      sequence"
                 )
+            }
+            Self::NoLegend(UVec2 { x, y }) => {
+                write!(f, "no legend is drawn: pictures of {x} x {y} are too small for it")
             }
             Self::Straight(lights) => {
                 let numbers: Vec<String> = lights.iter().map(|light| (light + 1).to_string()).collect();

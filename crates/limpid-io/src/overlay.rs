@@ -12,7 +12,7 @@ use limpid::liquid::Up;
 
 use crate::color_by::ColorScale;
 
-pub use legend::draw as draw_legend;
+pub use legend::{alone as legend_alone, draw as draw_legend, fits as legend_fits};
 
 /// Figures that are drawn over the pictures of a run.
 #[derive(Debug, Clone, Default, PartialEq)]

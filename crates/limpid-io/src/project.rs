@@ -3,6 +3,7 @@
 mod bodies;
 mod commented;
 pub mod controls;
+pub mod differences;
 mod file;
 mod lengths;
 mod mesh_sequence;

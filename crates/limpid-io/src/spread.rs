@@ -1,7 +1,9 @@
 //! The spread of the values of an attribute.
 
+use serde::{Deserialize, Serialize};
+
 /// The extremes of some values, and the range in which pictures of them differ most.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     /// The smallest and the largest finite value.
     pub extremes: [f32; 2],

@@ -44,13 +44,13 @@ struct Side {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<u8> {
-    let Plan { inputs, sizes, shots, fps, camera_up, destination, colors } = Plan::new(args)?;
+    let Plan { inputs, sizes, shots, fps, camera_up, destination, notices } = Plan::new(args)?;
     signals::finish_first();
     let mut output = Output::open(destination, sizes.whole, fps)?;
     let (gpu, cache) = pipeline_cache::open_adapter()?;
     let classifier = SharedClassifier::on(&gpu);
     let bar = crate::terminal::progress(shots.len());
-    colors.iter().for_each(|colors| Console::new(bar.clone()).notice(colors));
+    notices.iter().for_each(|notice| Console::new(bar.clone()).notice(notice));
     let side = |planned| Side::new(planned, &sizes, &classifier, Console::new(bar.clone()));
     let mut sides: Vec<Side> = inputs.into_iter().map(side).collect();
     sides.iter().for_each(Side::tell_whether_held);

@@ -16,7 +16,7 @@ use limpid_io::frames::{FrameSpec, Shard, check_fps};
 use limpid_io::input::{FrameTime, Loader};
 use limpid_io::notice::{self, Notice};
 use limpid_io::open::Request;
-use limpid_io::overlay::Overlay;
+use limpid_io::overlay::{Overlay, legend_fits};
 use limpid_io::quality::Limits;
 
 use super::Args;
@@ -115,6 +115,7 @@ impl Plan {
         let mut notices = notices(args, frames, &loader, numbers.len());
         notices.extend(incomplete.into_iter().map(Notice::Incomplete));
         notices.extend(loader.color_scale()?.filter(|scale| scale.automatic).map(Notice::Colors));
+        notices.extend(no_legend(&overlay, args.size));
         let destination = Destination::new(args, path.as_slice(), &shots)?;
         let stride = loader.sequence.stride() as f64;
         let rate = stride * loader.fps().unwrap_or(fps);
@@ -208,6 +209,12 @@ pub(super) fn overlay(args: &Args, loader: &Loader) -> limpid_io::Result<Overlay
     }
     let scale_bar = middle.filter(|_| args.scale_bar);
     Ok(Overlay { scale_bar, axes: args.axes.then(|| loader.up().0), legend })
+}
+
+/// The notice on a legend that pictures of this size have no room for.
+pub(super) fn no_legend(overlay: &Overlay, size: UVec2) -> Option<Notice> {
+    let legend = overlay.legend.as_ref().filter(|scale| !legend_fits(size, scale));
+    legend.map(|_| Notice::NoLegend(size))
 }
 
 /// The frames of an input, of which `asked` are asked for.

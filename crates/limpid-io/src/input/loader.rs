@@ -16,7 +16,7 @@ use limpid::scene::{Scene, Solid};
 use super::Input;
 use super::fluid::{Fluid, FluidSource, Origin};
 use super::loaded::{Loaded, RadiusFrom, UpFrom};
-use crate::color_by::{Attribute, ColorBy, ColorScale, Values};
+use crate::color_by::{Attribute, AttributeRange, ColorBy, ColorScale, Values};
 #[cfg(doc)]
 use crate::error::Error;
 use crate::error::Result;
@@ -161,6 +161,22 @@ impl Loader {
         memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
         all.particles = Particles::mixed(&fluids);
         Ok(all)
+    }
+
+    /// The attributes that can colour the particles, with their values in the first frame that has particles.
+    ///
+    /// # Errors
+    /// As [`Loader::particles`].
+    pub fn attributes(&self) -> Result<Vec<AttributeRange>> {
+        let mut loader = self.clone().colored_by(None);
+        loader.fluids.iter_mut().for_each(|fluid| fluid.options.values = true);
+        for frame in &loader.sequence.frames {
+            let Contents { particles, arrays, .. } = loader.contents(frame)?;
+            if !particles.is_empty() {
+                return Ok(AttributeRange::of(&particles, &arrays));
+            }
+        }
+        Ok(Vec::new())
     }
 
     /// Origins of the particles at a frame time: for each fluid the frame and, between frames, the next.

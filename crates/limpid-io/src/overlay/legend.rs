@@ -1,7 +1,7 @@
 //! The legend of colours that stand for values: a bar with ticks, and the name and the unit of the values above it.
 
 use glam::{DVec2, UVec2};
-use image::{DynamicImage, GenericImage as _, GenericImageView as _, Rgba};
+use image::{DynamicImage, GenericImage as _, GenericImageView as _, Rgba, RgbaImage};
 
 use super::text::Letters;
 use super::{Ink, WHITE, over};
@@ -18,31 +18,24 @@ const PANEL: ([u8; 3], f32) = ([24, 26, 30], 0.72);
 
 /// Draws a legend in the upper right corner of a picture, unless that is too small for it.
 pub fn draw(picture: &mut DynamicImage, scale: &ColorScale) {
-    let size = UVec2::from(picture.dimensions());
-    let Some(plan) = Plan::new(size, scale) else { return };
-    plan.panel(picture);
-    plan.bar(picture, scale);
-    let mut ink = Ink::new(size, 1);
-    plan.letters.write(
-        &plan.title,
-        plan.corner + plan.line * PADDING + plan.title_drop(),
-        &mut ink,
-    );
-    let (start, half) = (plan.bar_corner(), 0.5 * plan.letters.height());
-    for (share, label) in &plan.ticks {
-        let y = start.y + (1.0 - share) * plan.bar_size().y;
-        let x = start.x + plan.bar_size().x;
-        ink.line(
-            DVec2::new(x, y),
-            DVec2::new(x + plan.line * TICK, y),
-            (0.07 * plan.line).max(1.0),
-        );
-        let width = plan.letters.width(label);
-        // Figures end below each other.
-        let left = x + plan.line * 2.2 * TICK + plan.widest - width;
-        plan.letters.write(label, DVec2::new(left, y + half), &mut ink);
+    if let Some(plan) = Plan::new(UVec2::from(picture.dimensions()), scale) {
+        plan.draw(picture, scale);
     }
-    ink.stain(picture, WHITE);
+}
+
+/// Whether a picture of this size has room for a legend.
+pub fn fits(size: UVec2, scale: &ColorScale) -> bool {
+    Plan::new(size, scale).is_some()
+}
+
+/// The legend of a picture of this size without the picture, and where its upper left corner is; `None` if that is too
+/// small.
+pub fn alone(size: UVec2, scale: &ColorScale) -> Option<(RgbaImage, UVec2)> {
+    let plan = Plan::new(size, scale)?;
+    let (corner, size) = (plan.corner.as_uvec2(), plan.size.as_uvec2());
+    let mut picture = RgbaImage::new(size.x, size.y).into();
+    Plan { corner: DVec2::ZERO, ..plan }.draw(&mut picture, scale);
+    Some((picture.into_rgba8(), corner))
 }
 
 /// Where the parts of a legend are.
@@ -75,6 +68,29 @@ impl Plan {
         let corner = DVec2::new(wide - panel.x - MARGIN * line, MARGIN * line).round();
         let fits = corner.x >= 0.0 && corner.y + panel.y <= high;
         fits.then_some(Self { letters, line, title, ticks, widest, corner, size: panel })
+    }
+
+    fn draw(&self, picture: &mut DynamicImage, scale: &ColorScale) {
+        self.panel(picture);
+        self.bar(picture, scale);
+        let mut ink = Ink::new(UVec2::from(picture.dimensions()), 1);
+        let title = self.corner + self.line * PADDING + self.title_drop();
+        self.letters.write(&self.title, title, &mut ink);
+        let (start, half) = (self.bar_corner(), 0.5 * self.letters.height());
+        for (share, label) in &self.ticks {
+            let y = start.y + (1.0 - share) * self.bar_size().y;
+            let x = start.x + self.bar_size().x;
+            ink.line(
+                DVec2::new(x, y),
+                DVec2::new(x + self.line * TICK, y),
+                (0.07 * self.line).max(1.0),
+            );
+            let width = self.letters.width(label);
+            // Figures end below each other.
+            let left = x + self.line * 2.2 * TICK + self.widest - width;
+            self.letters.write(label, DVec2::new(left, y + half), &mut ink);
+        }
+        ink.stain(picture, WHITE);
     }
 
     /// From the top of a line to its base.
@@ -235,10 +251,17 @@ mod tests {
             let changed = |x: u32, y: u32| picture.get_pixel(x, y).0[..3] != [90; 3];
             assert!((0..high).all(|y| !changed(wide - 1, y) && !changed(0, y)));
             assert!((0..wide).all(|x| !changed(x, 0) && !changed(x, high - 1)));
+            // Alone it is the same, over whatever picture.
+            let (legend, corner) = alone(UVec2::new(wide, high), &scale).unwrap();
+            let mut laid: DynamicImage = grey.into();
+            image::imageops::overlay(&mut laid, &legend, corner.x.into(), corner.y.into());
+            let pairs = laid.as_bytes().iter().zip(picture.as_bytes());
+            assert!(pairs.map(|(a, b)| a.abs_diff(*b)).max() <= Some(3));
         }
         let small = DynamicImage::from(RgbImage::from_pixel(64, 48, Rgb([90; 3])));
         let mut drawn = small.clone();
         draw(&mut drawn, &scale([0.0, 1.0], "K"));
+        assert!(!fits(UVec2::new(64, 48), &scale([0.0, 1.0], "K")));
         assert_eq!(small, drawn);
     }
 }

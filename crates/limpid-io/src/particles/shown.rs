@@ -27,6 +27,16 @@ pub(crate) fn is_color(name: &str) -> bool {
     COLORS.contains(&name)
 }
 
+/// Whether some of these arrays are colours.
+pub(crate) fn has_colors<'a>(arrays: impl IntoIterator<Item = &'a super::Array>) -> bool {
+    let named = |array: &super::Array| (canonical(&array.name), array.shape.clone());
+    let all: Vec<(String, Vec<usize>)> = arrays.into_iter().map(named).collect();
+    let whole =
+        |(name, shape): &(String, Vec<usize>)| is_color(name) && matches!(**shape, [_, 3 | 4]);
+    let names: Vec<String> = all.iter().map(|(name, _)| name.clone()).collect();
+    all.iter().any(whole) || CHANNELS.iter().any(|channels| all_among(&names, channels).is_some())
+}
+
 /// Most numbers a particle.
 const WIDEST: usize = 4;
 

@@ -7,6 +7,7 @@ use super::Project;
 use super::sections::LiquidFile;
 use crate::error::{Error, Result, toml_error};
 use crate::shared_classifier::Processor;
+use limpid::scene::Medium;
 use limpid::settings::{Preset, Settings};
 
 impl Project {
@@ -15,8 +16,9 @@ impl Project {
     /// - `pass.name=value`, one of the [`Settings`];
     /// - `preset=NAME`, all settings but those of caustics and tone mapping;
     /// - `liquid.ior=1.4`, `liquid.absorption=[1, 0.3, 0.1]`;
-    /// - `liquid.kind=opaque`, `liquid.color=[0.5, 0.1, 0]`, `liquid.color_by=density` and the other keys of `[liquid]`;
-    /// - `fluid.2.absorption=[0, 0, 5]`, one of several fluids, counted from 1;
+    /// - `liquid.kind=opaque`, `liquid.scattering=[20, 20, 20]`, `liquid.color_by=density` and the other keys of `[liquid]`
+    ///   except `medium`;
+    /// - `fluid.2.absorption=[0, 0, 5]`, `scattering` or `anisotropy` of one of several fluids, counted from 1;
     /// - `classify.on=auto`, `cpu` or `gpu`: [`Processor`].
     ///
     /// # Errors
@@ -43,23 +45,23 @@ impl Project {
                 scene.liquid.absorption = vector(number(given)?).map_err(|e| message(&e))?;
             }
             ["liquid", key] if LIQUID.contains(&key) => {
-                let by = self.color_by.as_ref();
+                let (by, value) = (self.color_by.as_ref(), value(given));
+                check_count(&value, if key == "color_range" { 2 } else { 3 })?;
                 (scene.liquid, self.color_by) =
-                    LiquidFile::replaced(&scene.liquid, by, key, value(given))?;
+                    LiquidFile::replaced(&scene.liquid, by, key, value)?;
             }
-            ["fluid", number_from_1, "absorption"] => {
+            ["fluid", number_from_1, key] if FLUID.contains(&key) => {
                 let index = number_from_1.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
                 let count = scene.fluids.len();
                 let fluid = index.and_then(|i| scene.fluids.get_mut(i));
                 let problem = || format!("no fluid {number_from_1}; the scene has {count}");
-                fluid.ok_or_else(problem)?.absorption =
-                    vector(number(given)?).map_err(|e| message(&e))?;
+                set_medium(fluid.ok_or_else(problem)?, key, number(given)?)
+                    .map_err(|e| message(&e))?;
             }
             ["liquid" | "fluid", ..] => {
                 let keys = LIQUID.map(|key| format!("liquid.{key}")).join(", ");
-                return Err(format!(
-                    "expected liquid.ior, liquid.absorption, {keys} or fluid.N.absorption"
-                ));
+                let fluid = FLUID.map(|key| format!("fluid.N.{key}")).join(", ");
+                return Err(format!("expected liquid.ior, liquid.absorption, {keys}, {fluid}"));
             }
             _ => scene.settings = with_one(&scene.settings, text)?,
         }
@@ -89,7 +91,19 @@ pub fn preset(name: &str) -> Result<Preset> {
 }
 
 /// Keys of `[liquid]` beside those of every kind.
-const LIQUID: [&str; 6] = ["kind", "color", "roughness", "color_by", "colormap", "color_range"];
+const LIQUID: [&str; 8] = [
+    "kind",
+    "scattering",
+    "anisotropy",
+    "color",
+    "roughness",
+    "color_by",
+    "colormap",
+    "color_range",
+];
+
+/// Keys of a `[[fluid]]`.
+const FLUID: [&str; 3] = ["absorption", "scattering", "anisotropy"];
 
 /// The form of an override of a setting.
 const EXPECTED: &str = "expected pass.name=value, as refract.samples=4";
@@ -137,11 +151,25 @@ fn number(text: &str) -> Result<toml::Value, String> {
 }
 
 fn vector(value: toml::Value) -> Result<Vec3, toml::de::Error> {
-    // Deserialization would silently use the first three of more numbers.
-    if let Some(count) = value.as_array().map(Vec::len).filter(|&count| count != 3) {
-        return Err(serde::de::Error::custom(format!("expected 3 numbers, found {count}")));
-    }
+    check_count(&value, 3).map_err(serde::de::Error::custom)?;
     Ok(Vec3::from_array(value.try_into()?))
+}
+
+/// Fails if a value is another number of numbers: deserialization would silently use the first ones.
+fn check_count(value: &toml::Value, expected: usize) -> Result<(), String> {
+    match value.as_array().map(Vec::len).filter(|&count| count != expected) {
+        Some(count) => Err(format!("expected {expected} numbers, found {count}")),
+        None => Ok(()),
+    }
+}
+
+fn set_medium(medium: &mut Medium, key: &str, value: toml::Value) -> Result<(), toml::de::Error> {
+    match key {
+        "absorption" => medium.absorption = vector(value)?,
+        "scattering" => medium.scattering = vector(value)?,
+        _ => medium.anisotropy = value.try_into()?,
+    }
+    Ok(())
 }
 
 fn processor(value: toml::Value) -> Result<Processor, String> {

@@ -250,12 +250,21 @@ impl LiquidFile {
         key: &str,
         value: toml::Value,
     ) -> Result<(Liquid, Option<ColorBy>), String> {
-        let mut table = toml::Table::try_from(Self::of(liquid, by)).map_err(|e| e.to_string())?;
-        match key {
-            "kind" => table.retain(|key, _| key == "ior"),
-            "color_by" => table.retain(|key, _| ["kind", "ior", "roughness"].contains(&key)),
-            "color" => table.retain(|key, _| ["kind", "ior", "roughness"].contains(&key)),
-            _ => {}
+        let mut own = Self::of(liquid, by);
+        if liquid.kind == Kind::Clear {
+            // Either may be given first.
+            own.scattering = Some(liquid.scattering);
+            own.anisotropy = Some(liquid.anisotropy);
+        }
+        let mut table = toml::Table::try_from(own).map_err(|e| e.to_string())?;
+        let kept: Option<&[&str]> = match key {
+            "kind" => Some(&["ior"]),
+            "color_by" => Some(&["kind", "ior", "roughness"]),
+            "color" => Some(&["kind", "ior", "roughness", "scattering", "anisotropy"]),
+            _ => None,
+        };
+        if let Some(kept) = kept {
+            table.retain(|key, _| kept.contains(&key));
         }
         table.insert(key.to_owned(), value);
         let new: Self = table.try_into().map_err(|e: toml::de::Error| e.message().to_owned())?;

@@ -32,7 +32,7 @@ pub(super) struct Plan {
     pub(super) camera_up: Up,
     pub(super) destination: Destination,
     /// The range of their colours, if it is not given.
-    pub(super) colors: Option<Notice>,
+    pub(super) notices: Vec<Notice>,
 }
 
 /// One of the inputs.
@@ -85,8 +85,11 @@ impl Plan {
             let overlay = plan::overlay(args, &opened.loader)?;
             Ok(Planned { source: source.clone(), opened, times, overlay })
         });
-        let inputs = inputs.collect::<limpid_io::Result<_>>()?;
-        Ok(Self { inputs, colors, sizes, shots, fps, camera_up, destination })
+        let inputs = inputs.collect::<limpid_io::Result<Vec<_>>>()?;
+        let legend =
+            inputs.first().and_then(|first| plan::no_legend(&first.overlay, sizes.picture));
+        let notices = colors.into_iter().chain(legend).collect();
+        Ok(Self { inputs, notices, sizes, shots, fps, camera_up, destination })
     }
 }
 

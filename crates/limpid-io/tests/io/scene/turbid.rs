@@ -3,9 +3,12 @@
 use std::path::Path;
 
 use glam::Vec3;
-use limpid::scene::Medium;
+use limpid::look::Look;
+use limpid::scene::{Kind, Liquid, Medium, Scene};
+use limpid_io::color_by::{Attribute, ColorBy, MapName};
 use limpid_io::media::MediumName;
 use limpid_io::project::Project;
+use limpid_io::project::differences::between;
 
 const SKY: &str = "[environment]\nradiance = [1, 1, 1]\n";
 
@@ -66,5 +69,93 @@ fn contradictions_are_told() {
     ] {
         let error = scene(&format!("{SKY}[liquid]\n{liquid}")).expect_err(liquid).to_string();
         assert!(error.contains(told), "{liquid}: {error}");
+    }
+}
+
+/// Scattering and anisotropy are replaced by name, in either order, of the liquid and of a fluid.
+#[test]
+fn turbid_liquids_are_set() {
+    let set = |overrides: &[&str]| -> limpid_io::Result<Project> {
+        let fluids =
+            "[[fluid]]\nsource = \"a.npz\"\n[[fluid]]\nsource = \"b.npz\"\n[liquid]\nior = 1.4\n";
+        let mut project = Project::parse(&format!("{SKY}{fluids}"), "scene.toml", Path::new(""))?;
+        project.set(&overrides.iter().map(|&text| text.to_owned()).collect::<Vec<_>>())?;
+        Ok(project)
+    };
+    let (scattering, anisotropy) = ("liquid.scattering=[4, 5, 6]", "liquid.anisotropy=0.5");
+    for order in [[scattering, anisotropy], [anisotropy, scattering]] {
+        let liquid = set(&order).unwrap().scene.liquid;
+        assert_eq!((liquid.scattering, liquid.anisotropy), (Vec3::new(4.0, 5.0, 6.0), 0.5));
+        assert_eq!(liquid.ior, 1.4);
+    }
+    let opaque = set(&[scattering, "liquid.kind=opaque"]).unwrap().scene.liquid;
+    assert_eq!((opaque.kind, opaque.scattering), (Kind::Opaque, Vec3::ZERO));
+    let tinted = set(&[scattering, "liquid.color=[1, 0.5, 0.5]"]).unwrap().scene.liquid;
+    assert_eq!((tinted.absorption.x, tinted.scattering.x), (0.0, 4.0));
+    let fluid = set(&["fluid.2.scattering=[7, 8, 9]", "fluid.2.anisotropy=-0.5"]).unwrap();
+    let [one, two] = fluid.scene.fluids[..] else { panic!("two fluids") };
+    assert_eq!((one.scattering, one.anisotropy), (Vec3::ZERO, 0.0));
+    assert_eq!((two.scattering, two.anisotropy), (Vec3::new(7.0, 8.0, 9.0), -0.5));
+    for (text, told) in [
+        ("liquid.scattering=[1, 2, 3, 4]", "expected 3 numbers, found 4"),
+        ("liquid.scattering=many", "scattering"),
+        ("fluid.3.scattering=[1, 1, 1]", "the scene has 2"),
+    ] {
+        let error = set(&[text]).expect_err(text).to_string();
+        assert!(error.contains(told), "{text}: {error}");
+    }
+    let error = set(&["liquid.kind=opaque", scattering]).expect_err("opaque").to_string();
+    assert!(error.contains("no medium inside"), "{error}");
+}
+
+/// What turns one liquid into another does so to the bit, whatever kinds they are and whatever colours them.
+#[test]
+fn differences_give_the_other_liquid() {
+    let by = |name: &str, map, range| {
+        Some(ColorBy { map, range, ..ColorBy::new(Attribute::from(name)) })
+    };
+    let clear = Liquid { absorption: Vec3::new(0.1, 1e-7, 3.3), ..Liquid::default() };
+    let turbid = Liquid { scattering: Vec3::new(1.0, 0.1 + 0.2, 1e5), anisotropy: -0.3, ..clear };
+    let varnished = Liquid { color: Vec3::new(0.9, 0.7, 1.0 / 3.0), ..Look::paint() };
+    let matte = Liquid { roughness: 0.7, ior: 1.0, ..Look::paint() };
+    let all = [
+        (clear, None),
+        (turbid, None),
+        (Liquid { ior: 1.2, ..clear }, None),
+        (varnished, None),
+        (matte, None),
+        (matte, by("velocity", MapName::Viridis, None)),
+        (varnished, by("velocity", MapName::Turbo, Some([-1.5, 2e-3]))),
+        (matte, by("Heat \"of\" [K]", MapName::Magma, None)),
+    ];
+    for (from, from_by) in &all {
+        for (to, to_by) in &all {
+            let project = |liquid: &Liquid, by: &Option<ColorBy>| Project {
+                scene: Scene { liquid: *liquid, ..Scene::default() },
+                color_by: by.clone(),
+                ..Project::default()
+            };
+            let (mut changed, wanted) = (project(from, from_by), project(to, to_by));
+            // Without a range there is nothing to set: it is the usual one of the sequence.
+            let is_reset = to_by.as_ref().zip(from_by.as_ref()).is_some_and(|(to, from)| {
+                to.attribute == from.attribute && to.range.is_none() && from.range.is_some()
+            });
+            if is_reset {
+                continue;
+            }
+            let colored = (&changed.scene, changed.color_by.as_ref());
+            let texts = between(colored, (&wanted.scene, wanted.color_by.as_ref()));
+            changed.set(&texts).unwrap();
+            assert_eq!(changed.color_by, wanted.color_by, "{texts:?}");
+            let (found, expected) = (changed.scene.liquid, wanted.scene.liquid);
+            let shown = |liquid: Liquid| match (liquid.kind, to_by) {
+                (Kind::Clear, _) => Liquid { color: Vec3::ZERO, roughness: 0.0, ..liquid },
+                // Its particles have the colours.
+                (_, Some(_)) => Liquid { color: Vec3::ZERO, ..liquid },
+                _ => liquid,
+            };
+            assert_eq!(shown(found), shown(expected), "{texts:?}");
+            assert_eq!(texts.is_empty(), (from, from_by) == (to, to_by), "{texts:?}");
+        }
     }
 }
