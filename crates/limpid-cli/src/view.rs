@@ -44,6 +44,9 @@ pub(crate) struct Args {
     /// Memory for pictures that are kept for playback where drawing is slower than that, MiB; 0 keeps none.
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     flipbook: u64,
+    /// Show a legend of the colors of --color-by over the picture, also over saved ones.
+    #[arg(long)]
+    legend: bool,
     #[command(flatten)]
     reading: crate::shared_args::Reading,
     /// Log events for tests and bug reports: one JSON object per line, with seconds since the start.
@@ -83,6 +86,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<u8> {
         window: args.size,
         memory: args.memory << 20,
         flipbook: args.flipbook << 20,
+        legend: args.legend,
         recent: limpid_io::output::cache_folder().map(|folder| folder.join("recent.json")),
         log: args.log,
     });

@@ -1,6 +1,7 @@
 //! The application: its state, and the effects of keys, buttons and messages.
 
 mod actions;
+mod coloring;
 pub mod command_line;
 #[cfg(not(target_arch = "wasm32"))]
 mod filming;
@@ -31,6 +32,7 @@ use crate::backend::core::filming::Filming;
 use crate::backend::core::messages::{Message, Post};
 use crate::backend::frames::Frames;
 use crate::backend::here::Backend;
+use crate::model::coloring::Coloring;
 use crate::model::document::Source;
 use crate::model::editing::Editing;
 use crate::model::eye::Eye;
@@ -64,6 +66,8 @@ pub struct Options {
     pub memory: u64,
     /// Memory for kept pictures, bytes; 0 keeps none.
     pub flipbook: u64,
+    /// Whether a legend is shown of the colours of values.
+    pub legend: bool,
     /// The file with the list of the sources that were opened last; none keeps no list.
     pub recent: Option<PathBuf>,
     /// The file for the event log.
@@ -77,6 +81,7 @@ impl Default for Options {
             window: UVec2::new(1280, 800),
             memory: 1 << 30,
             flipbook: 1 << 30,
+            legend: false,
             recent: None,
             log: None,
         }
@@ -121,6 +126,7 @@ impl Viewer {
                 playback: Playback::new(0, 30.0),
                 frame_times: Arc::default(),
                 processor: Processor::default(),
+                colors: Coloring::default(),
             },
             picture: PictureState::new(options.flipbook),
             times: History::default(),
@@ -130,6 +136,7 @@ impl Viewer {
         viewer.log.event("start", json!({}));
         if let Some(source) = options.source {
             viewer.open(source);
+            viewer.opened.wishes.legend = options.legend;
         }
         viewer
     }
@@ -236,6 +243,11 @@ impl Viewer {
     /// Settings A and B, as scenes.
     pub fn scenes(&self) -> &[Scene; 2] {
         &self.stage.editing.scenes
+    }
+
+    /// The attribute that colours the particles, its map, its range, and the legend.
+    pub fn colors(&self) -> &Coloring {
+        &self.stage.colors
     }
 
     /// The view mode.

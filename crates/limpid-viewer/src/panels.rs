@@ -2,13 +2,16 @@
 //! other wishes as `Command`s.
 
 mod camera;
+mod colors;
 pub(crate) mod dialogs;
 pub(crate) mod error_plot;
 pub(crate) mod first_screen;
 mod icons;
+mod liquid;
 mod scene;
 pub(crate) mod settings;
 pub(crate) mod side;
+mod sliders;
 pub(crate) mod style;
 pub(crate) mod timeline;
 pub(crate) mod times;
@@ -17,6 +20,7 @@ pub(crate) mod toolbar;
 pub(crate) use camera::camera_panel;
 use limpid_io::adjustments::Adjustments;
 use limpid_io::camera_path::Key;
+use limpid_io::color_by::{Attribute, MapName};
 
 use crate::model::demos::Demo;
 use crate::model::document::Source;
@@ -36,6 +40,12 @@ pub(crate) enum Command {
     Adjust(Adjustments),
     /// Turns the sun, without opening the source again.
     TurnSun(Adjustments),
+    /// Colours the particles by an attribute, or as they were opened.
+    ColorBy(Option<Attribute>),
+    /// Shows values by another map, over a range or the usual one.
+    Recolor(MapName, Option<[f32; 2]>),
+    /// Lists the attributes of the files.
+    ListAttributes,
     SetSpeed(Speed),
     SetView(View),
     /// Goes to the frame of an index.

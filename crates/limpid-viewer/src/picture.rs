@@ -2,6 +2,7 @@
 
 pub mod adaptive_resolution;
 pub mod camera_controls;
+mod color_legend;
 pub mod flipbook;
 mod legend;
 mod playing;

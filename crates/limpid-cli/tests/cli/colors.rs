@@ -89,6 +89,8 @@ fn one_command_colors_a_sequence() {
     let lines = told.stderr.lines().filter(|line| line.contains("colors show")).count();
     assert_eq!(lines, 1, "{}", told.stderr);
     assert_contains(&told.stderr, &["Temperature from 20", " K in every frame", "2nd to 98th"]);
+    // At this size there is no room for the legend.
+    assert_contains(&told.stderr, &["no legend is drawn: pictures of 64 x 48 are too small"]);
     let given = ["--range=0:100", "--colormap=coolwarm", "-o", "given.png"];
     render(folder.path(), &[&["hot/h_1.csv", "--color-by", "temperature"][..], &given].concat());
     for by in ["color", "x", "Temperature"] {

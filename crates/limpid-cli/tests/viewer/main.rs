@@ -2,6 +2,7 @@
 //! closed forms of camera controls and playback; and its real window, in processes of its own.
 
 mod camera_controls;
+mod colors;
 mod devices;
 mod first_minutes;
 mod panels;

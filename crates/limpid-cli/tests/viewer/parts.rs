@@ -123,6 +123,7 @@ fn flipbook_keeps_within_its_budget() {
         view: View::Picture,
         processor: Processor::Cpu,
         viewpoint: Viewpoint::Fixed(camera),
+        scale: None,
     };
     let at = |frame: i64| Moment::from(FrameTime::at(frame));
     let held = |book: &Flipbook<u32>, width: u32| -> Vec<bool> {

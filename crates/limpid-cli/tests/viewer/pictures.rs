@@ -62,7 +62,8 @@ fn draw_thread_and_offscreen_draw_the_same_bits() {
         assert_ne!(*shown, scene, "the ball has moved");
         let input = FrameInput::new(&shown, &camera, &loaded.splats, size);
         let expected = offscreen.draw(input).expect("it draws");
-        let pane = Pane { scene: scene.into(), camera, loaded, size };
+        let (scene, scale) = (scene.into(), None);
+        let pane = Pane { scene, camera, loaded, size, scale, legend: false };
         let request =
             Request { number, panes: vec![pane], level: Level::Full, view: View::Picture };
         thread.request(request);

@@ -11,6 +11,7 @@ use limpid_io::project::controls::{CONTROLS, Control, ControlKind, PASSES, Value
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
 use limpid_viewer::app::command_line::{command_line, quoted};
+use limpid_viewer::model::coloring::Coloring;
 use limpid_viewer::model::document::Document;
 
 use super::sequence;
@@ -147,7 +148,7 @@ fn command_line_contains_differences_only() {
     let size = UVec2::new(64, 48);
     let plain = command_line(
         &document,
-        (&document.project.scene, Processor::Auto),
+        (&document.project.scene, Processor::Auto, &Coloring::default()),
         &camera,
         FrameTime::at(20),
         size,

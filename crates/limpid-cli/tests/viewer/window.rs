@@ -252,9 +252,9 @@ fn window_handles_all_interactions() {
 
     // The slider of the index of refraction.
     window.skip_events();
-    screen.tool(&["mousemove", "--window", &id, "827", "485", "mousedown", "1"]);
+    screen.tool(&["mousemove", "--window", &id, "827", "539", "mousedown", "1"]);
     std::thread::sleep(Duration::from_millis(300));
-    screen.tool(&["mousemove", "--window", &id, "845", "485"]);
+    screen.tool(&["mousemove", "--window", &id, "845", "539"]);
     window.wait_for("setting");
     screen.tool(&["mouseup", "1"]);
 

@@ -1,20 +1,21 @@
 //! The command that draws the current view without a window.
 
-use glam::{UVec2, Vec3};
+use glam::UVec2;
 
+use crate::model::coloring::Coloring;
 use crate::model::document::Document;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::scene::Scene;
 use limpid_io::input::{FrameTime, Missing};
-use limpid_io::project::controls;
+use limpid_io::project::differences;
 use limpid_io::shared_classifier::Processor;
 
-/// The `limpid render` command that draws `scene` at a frame time from `camera` into `output`: for a POSIX
+/// The `limpid render` command that draws a scene in these colours at a frame time from `camera` into `output`: for a POSIX
 /// shell, in the folder that the input's path is relative to.
 pub fn command_line(
     document: &Document,
-    (scene, processor): (&Scene, Processor),
+    (scene, processor, colors): (&Scene, Processor, &Coloring),
     camera: &Camera,
     at: FrameTime,
     size: UVec2,
@@ -56,23 +57,15 @@ pub fn command_line(
         // The viewer's camera is in the world.
         option("camera-up", Up::Y.to_string());
     }
-    let plain = &document.plain;
-    for (control, value) in controls::differences(&plain.settings, &scene.settings) {
-        option("set", format!("{}={value}", control.path()));
+    let plain = (&document.plain, document.plain_color_by.as_ref());
+    for set in differences::between(plain, (scene, colors.by.as_ref())) {
+        option("set", set);
     }
     if processor != document.plain_processor {
         option("set", format!("classify.on={processor}"));
     }
-    if scene.liquid.ior != plain.liquid.ior {
-        option("set", format!("liquid.ior={:?}", scene.liquid.ior));
-    }
-    if scene.liquid.absorption != plain.liquid.absorption {
-        option("set", format!("liquid.absorption={}", vector(scene.liquid.absorption)));
-    }
-    for (number, (new, old)) in (1..).zip(scene.fluids.iter().zip(&plain.fluids)) {
-        if new != old {
-            option("set", format!("fluid.{number}.absorption={}", vector(new.absorption)));
-        }
+    if colors.legend_of(scene).is_some() {
+        words.push("--legend".to_owned());
     }
     if source.adjustments.physical {
         words.push("--physical".to_owned());
@@ -80,10 +73,6 @@ pub fn command_line(
     words.push("-o".to_owned());
     words.push(quoted(output));
     words.join(" ")
-}
-
-fn vector(v: Vec3) -> String {
-    format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z)
 }
 
 /// Quotes a word for a POSIX shell.

@@ -10,6 +10,7 @@ use crate::app::Viewer;
 use crate::backend::core::filming::Filming;
 use crate::backend::native::filming::Script;
 use crate::model::document::Document;
+use limpid_io::color_by::ColorBy;
 use limpid_io::error::{Error, Result};
 use limpid_io::film::{self, Motion, Shot};
 
@@ -26,6 +27,7 @@ impl Viewer {
             Ok(script) => script,
             Err(error) => return self.fail(&error),
         };
+        self.check_legend(size);
         let stop = Arc::<AtomicBool>::default();
         let pictures = script.shots.len();
         self.filming = Some(Filming { done: 0, pictures, stop: stop.clone() });
@@ -49,7 +51,12 @@ impl Viewer {
         }
         let mut scene = self.picture.fine_scene(&self.stage.editing);
         scene.settings.refract.samples = samples;
-        let input = document.input.clone().processed_by(self.stage.processor);
-        Ok(Script { input, scene, frame_times, shots, size, fps })
+        let colors = &self.stage.colors;
+        let legend = colors.legend_of(&scene).cloned();
+        // The usual range need not be found again.
+        let range = colors.scale.as_ref().map(|scale| scale.range);
+        let by = colors.by.clone().map(|by| ColorBy { range, ..by });
+        let input = document.input.clone().processed_by(self.stage.processor).colored_by(by);
+        Ok(Script { input, scene, frame_times, shots, size, fps, legend })
     }
 }

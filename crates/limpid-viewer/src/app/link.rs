@@ -12,16 +12,15 @@
 //! | `view` | the intermediate image, by its name in `--aov` |
 //! | `refine` | `0`: a picture at rest has the rays of its settings, not four at least |
 //! | `set` | a setting, as `--set`; any number of times |
-//! | `look`, `sky`, `sun`, `floor`, `ior`, `tint`, `up`, `scale`, `fps`, `radius`, `missing` | as the options of `limpid render` |
+//! | `look`, `sky`, `sun`, `floor`, `ior`, `tint`, `medium`, `physical`, `color-by`, `colormap`, `range`, `legend`, `up`, `scale`, `fps`, `radius`, `missing` | as the options of `limpid render` |
 
 use std::fmt::Display;
 use std::str::FromStr;
 
-use glam::Vec3;
 use limpid::liquid::Up;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::Missing;
-use limpid_io::project::controls;
+use limpid_io::project::differences;
 
 use crate::app::Viewer;
 use crate::app::state::Wishes;
@@ -72,6 +71,7 @@ pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
             "tint" => adjusted.tint = Some(parsed(name, value)?),
             "color-by" => adjusted.color_by = Some(value.into()),
             "colormap" => adjusted.colormap = Some(parsed(name, value)?),
+            "legend" => wishes.legend = value != "false" && value != "0",
             "range" => adjusted.color_range = Some(parsed(name, value)?),
             "up" => {
                 adjusted.up = Some(match value {
@@ -146,22 +146,13 @@ pub(crate) fn query(viewer: &Viewer) -> Option<String> {
     pairs.extend(source.adjustments.physical.then(|| ("physical", "true".to_owned())));
     pairs.extend(source.adjustments.fps.map(|fps| ("fps", fps.to_string())));
     pairs.extend(source.overrides.iter().map(|set| ("set", set.clone())));
-    let (plain, edited) = (&document.project.scene, viewer.stage.editing.scene());
-    for (control, value) in controls::differences(&plain.settings, &edited.settings) {
-        pairs.push(("set", format!("{}={value}", control.path())));
+    let (edited, colors) = (viewer.stage.editing.scene(), &viewer.stage.colors);
+    if colors.legend_of(edited).is_some() {
+        pairs.push(("legend", "1".into()));
     }
-    let vector = |v: Vec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);
-    if edited.liquid.ior != plain.liquid.ior {
-        pairs.push(("set", format!("liquid.ior={:?}", edited.liquid.ior)));
-    }
-    if edited.liquid.absorption != plain.liquid.absorption {
-        pairs.push(("set", format!("liquid.absorption={}", vector(edited.liquid.absorption))));
-    }
-    for (number, (new, old)) in (1..).zip(edited.fluids.iter().zip(&plain.fluids)) {
-        if new != old {
-            pairs.push(("set", format!("fluid.{number}.absorption={}", vector(new.absorption))));
-        }
-    }
+    let opened = (&document.project.scene, document.project.color_by.as_ref());
+    let edits = differences::between(opened, (edited, colors.by.as_ref()));
+    pairs.extend(edits.into_iter().map(|set| ("set", set)));
     let encoded = |text: &str| String::from(js_sys::encode_uri_component(text));
     let pairs = pairs.iter().map(|(name, value)| format!("{name}={}", encoded(value)));
     Some(pairs.collect::<Vec<_>>().join("&"))

@@ -49,7 +49,8 @@ impl Viewer {
         {
             self.errors.measuring = true;
             let camera = self.stage.eye.camera;
-            let pane = Pane { scene: Arc::new(scene), camera, loaded, size: SIZE };
+            let (scene, scale) = (Arc::new(scene), None);
+            let pane = Pane { scene, camera, loaded, size: SIZE, scale, legend: false };
             self.backend.measure(pane, truth.clone());
         }
     }

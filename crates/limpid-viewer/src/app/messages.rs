@@ -28,6 +28,7 @@ impl Viewer {
                 Message::Loaded => {}
                 Message::Chosen(path, waited) => self.chosen(path, waited),
                 Message::Traced(number, truth) => self.take_truth(number, *truth),
+                Message::Attributes(number, listed) => self.take_attributes(number, *listed),
                 Message::Saved(saved) => self.take_saved(saved),
                 Message::Filmed(done) => {
                     if let Some(filming) = &mut self.filming {

@@ -6,8 +6,9 @@ use std::sync::atomic::AtomicBool;
 use serde_json::json;
 
 use crate::app::Viewer;
-use crate::app::state::Opening;
+use crate::app::state::{Attributes, Opening};
 use crate::backend::here::{drop_in_background, spawn};
+use crate::model::coloring::Coloring;
 use crate::model::document::{Document, Source};
 use crate::model::platform::IN_BROWSER;
 use crate::model::playback::{Playback, Speed};
@@ -130,6 +131,9 @@ impl Viewer {
                 self.stage.frame_times = document.frame_times(self.stage.playback.speed()).into();
                 self.stage.playback.set_count(self.stage.frame_times.len());
                 let frames = document.numbers.len();
+                if let Some(old) = self.opened.document.clone() {
+                    self.recolor_reopened(&old, &document);
+                }
                 self.opened.document = Some(Arc::new(document));
                 self.log.event("grown", serde_json::json!({ "frames": frames }));
                 self.grant_frame();
@@ -172,6 +176,8 @@ impl Viewer {
         self.stage.editing.scenes =
             [document.project.scene.clone(), document.project.scene.clone()];
         self.stage.processor = document.project.processor;
+        self.stage.colors = Coloring::of(&document, self.stage.colors.legend);
+        self.opened.attributes = Attributes::default();
         self.stage.editing.edited = 0;
         for side in std::mem::take(&mut self.picture.sides) {
             drop_in_background(side.loaded);
@@ -194,8 +200,16 @@ impl Viewer {
         let was_home = self.stage.eye.camera == old.project.camera_for(Default::default());
         let particles = |source: &Source| (source.adjustments.up, source.adjustments.scale);
         let moved = particles(&old.source) != particles(&document.source);
+        let kind =
+            |source: &Source| (source.adjustments.color_by.clone(), source.adjustments.medium);
+        let is_other_liquid = kind(&old.source) != kind(&document.source);
         for edited in &mut self.stage.editing.scenes {
-            *edited = carried(edited, &old.project.scene, &document.project.scene);
+            let (before, after) = (&old.project.scene, &document.project.scene);
+            *edited = carried(edited, before, after, is_other_liquid);
+        }
+        self.recolor_reopened(&old, &document);
+        if moved {
+            self.opened.attributes = Attributes::default();
         }
         if was_home || moved {
             self.stage.eye.camera = document.project.camera_for(Default::default());
@@ -227,6 +241,20 @@ impl Viewer {
         }
         self.stage.playback.playing |= wishes.play;
         self.picture.refine &= !wishes.unrefined;
+        self.stage.colors.legend |= wishes.legend;
+        if wishes.legend && self.stage.colors.scale.is_none() {
+            self.show_info("no legend is shown: no attribute has a color map".into());
+        }
+    }
+
+    /// Keeps the map and the range that were chosen for an attribute.
+    fn recolor_reopened(&mut self, old: &Document, document: &Document) {
+        let chosen = self.stage.colors.edits(old).cloned();
+        self.stage.colors = Coloring::of(document, self.stage.colors.legend);
+        let by = document.project.color_by.as_ref().map(|by| &by.attribute);
+        if let Some(chosen) = chosen.filter(|chosen| Some(&chosen.attribute) == by) {
+            self.stage.colors.set(chosen.map, chosen.range, document.usual_range());
+        }
     }
 
     /// Goes to the frame that is asked for, if it is there: a simulation makes it later.
@@ -307,17 +335,31 @@ impl Viewer {
     }
 }
 
-/// The scene `after`, with all that was edited since `before`.
-fn carried(edited: &Scene, before: &Scene, after: &Scene) -> Scene {
+/// The scene `after`, with all that was edited since `before`, except for edits of the liquid if it is another one.
+fn carried(edited: &Scene, before: &Scene, after: &Scene, is_other_liquid: bool) -> Scene {
     let mut scene = after.clone();
     for (control, value) in controls::differences(&before.settings, &edited.settings) {
         control.set(&mut scene.settings, &value);
     }
-    if edited.liquid.ior != before.liquid.ior {
-        scene.liquid.ior = edited.liquid.ior;
+    if is_other_liquid {
+        return scene;
     }
-    if edited.liquid.absorption != before.liquid.absorption {
-        scene.liquid.absorption = edited.liquid.absorption;
+    let (new, edited_liquid, old) = (&mut scene.liquid, &edited.liquid, &before.liquid);
+    if edited_liquid.kind != old.kind {
+        *new = *edited_liquid;
+    }
+    fn carry<T: PartialEq + Copy>(new: &mut T, edited: T, old: T) {
+        if edited != old {
+            *new = edited;
+        }
+    }
+    carry(&mut new.ior, edited_liquid.ior, old.ior);
+    if new.kind == edited_liquid.kind {
+        carry(&mut new.absorption, edited_liquid.absorption, old.absorption);
+        carry(&mut new.scattering, edited_liquid.scattering, old.scattering);
+        carry(&mut new.anisotropy, edited_liquid.anisotropy, old.anisotropy);
+        carry(&mut new.color, edited_liquid.color, old.color);
+        carry(&mut new.roughness, edited_liquid.roughness, old.roughness);
     }
     if edited.fluids != before.fluids {
         scene.fluids.clone_from(&edited.fluids);

@@ -60,8 +60,10 @@ impl Viewer {
         }
         let edits = Edits::of(&self.picture.fine_scene(&self.stage.editing));
         let (camera, processor) = (self.stage.eye.camera, self.stage.processor);
+        let color_by = self.stage.colors.by.clone();
         let name = path.to_string_lossy().into_owned();
-        self.backend.ask(&Ask::SaveScene { document, edits, camera, at, processor, name });
+        let ask = Ask::SaveScene { document, edits, color_by, camera, at, processor, name };
+        self.backend.ask(&ask);
     }
 
     /// Offers the camera path to the user.
@@ -246,10 +248,12 @@ impl Page {
         let edited = viewer.stage.editing.edited;
         let scene = viewer.stage.editing.scenes[edited].clone();
         let processor = viewer.stage.processor;
-        let mut project = Project { scene, processor, ..Project::default() };
+        let color_by = viewer.stage.colors.by.clone();
+        let mut project = Project { scene, processor, color_by, ..Project::default() };
         project.set(overrides)?;
-        viewer.stage.editing.scenes[edited] = project.scene;
         viewer.stage.processor = project.processor;
+        viewer.set_colors(project.color_by, overrides);
+        viewer.stage.editing.scenes[edited] = project.scene;
         viewer.post.wake();
         Ok(())
     }

@@ -89,7 +89,8 @@ impl Viewer {
         let (scene, at) = (self.picture.fine_scene(&self.stage.editing), self.stage.frame_time()?);
         let size = self.picture.viewport_size.max(UVec2::ONE);
         let processor = self.stage.processor;
-        Some(command_line(document, (&scene, processor), &self.stage.eye.camera, at, size, output))
+        let shown = (&scene, processor, &self.stage.colors);
+        Some(command_line(document, shown, &self.stage.eye.camera, at, size, output))
     }
 
     /// Draws the picture at rest at `size` pixels and writes it in the format of the extension, in the
@@ -104,7 +105,11 @@ impl Viewer {
         };
         let mut scene = self.picture.fine_scene(&self.stage.editing);
         scene.settings.refract.samples = samples;
-        let pane = Pane { scene: Arc::new(scene), camera: self.stage.eye.camera, loaded, size };
+        let colors = &self.stage.colors;
+        let (scale, legend) = (colors.scale.clone(), colors.legend_of(&scene).is_some());
+        let (scene, camera) = (Arc::new(scene), self.stage.eye.camera);
+        let pane = Pane { scene, camera, loaded, size, scale, legend };
+        self.check_legend(size);
         self.backend.save(pane, path, self.opened.document.clone());
     }
 }

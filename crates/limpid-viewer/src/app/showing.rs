@@ -7,6 +7,7 @@ use limpid_io::frame_cache::CacheState;
 use limpid_io::notice::thousands;
 
 use crate::app::Viewer;
+use crate::app::state::Attributes;
 use crate::backend::core::truth;
 use crate::model::demos::Demo;
 use crate::model::document::Source;
@@ -101,6 +102,12 @@ impl Viewer {
                     editing: &mut self.stage.editing,
                     refine: &mut self.picture.refine,
                     processor: &mut self.stage.processor,
+                    colors: &mut self.stage.colors,
+                    attributes: match &self.opened.attributes {
+                        Attributes::Known(all) => Some(all),
+                        _ => None,
+                    },
+                    size: self.picture.viewport_size,
                     log: &mut self.log,
                 };
                 panel.show(ui, &mut commands);
@@ -188,6 +195,9 @@ impl Viewer {
                         scenes.into_iter().chain(edited).for_each(|scene| sun.apply(scene));
                     }
                 }
+                Command::ColorBy(attribute) => self.color_by(attribute),
+                Command::Recolor(map, range) => self.recolor(map, range),
+                Command::ListAttributes => self.list_attributes(),
                 Command::SetSpeed(speed) => self.set_speed(speed),
                 Command::SetView(view) => self.picture.set_view(view, &mut self.log),
                 Command::Seek(index) => self.seek(index),

@@ -8,6 +8,7 @@ use eframe::egui;
 use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid_io::bake::Progress;
+use limpid_io::color_by::AttributeRange;
 use web_time::Instant;
 
 use crate::app::recent::Recent;
@@ -28,8 +29,20 @@ pub(crate) struct OpenDocument {
     pub(crate) frames: Frames,
     /// Indices of frame times that could not be loaded.
     pub(crate) failed: BTreeSet<usize>,
+    /// The attributes of the files.
+    pub(crate) attributes: Attributes,
     /// Further wishes of the user, once the source is open.
     pub(crate) wishes: Wishes,
+}
+
+/// The attributes of the particles' files.
+#[derive(Debug, Default)]
+pub(crate) enum Attributes {
+    #[default]
+    Unknown,
+    /// They are being read, by the number of the request.
+    Asked(u64),
+    Known(Vec<AttributeRange>),
 }
 
 /// A source that is open or being opened; dropping this stops its bake after the current frame.
@@ -67,6 +80,7 @@ impl OpenDocument {
             openings: 0,
             frames,
             failed: BTreeSet::new(),
+            attributes: Attributes::default(),
             wishes: Wishes::default(),
         }
     }
@@ -90,7 +104,7 @@ impl OpenDocument {
     }
 }
 
-/// Wishes in an address besides the source, for when that is open.
+/// Wishes in an address or a command besides the source, for when that is open.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Wishes {
     pub(crate) frame: Option<i64>,
@@ -98,6 +112,7 @@ pub(crate) struct Wishes {
     pub(crate) camera: Option<Camera>,
     pub(crate) view: Option<Aov>,
     pub(crate) unrefined: bool,
+    pub(crate) legend: bool,
 }
 
 /// The state of panels, dialogs and notices.

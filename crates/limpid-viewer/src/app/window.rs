@@ -94,10 +94,11 @@ impl Viewer {
         };
         let (camera, processor) = (self.stage.eye.camera, self.stage.processor);
         let scene = self.picture.fine_scene(&self.stage.editing);
+        let color_by = self.stage.colors.by.clone();
         // Writing an environment map takes time.
         self.backend.write(path, move |path| {
             document.check_scene_output(path)?;
-            Project { processor, ..document.saved(scene, camera, at) }.save(path)
+            Project { processor, color_by, ..document.saved(scene, camera, at) }.save(path)
         });
     }
 

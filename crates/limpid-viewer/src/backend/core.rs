@@ -7,4 +7,5 @@ pub(crate) mod loading;
 pub mod messages;
 pub mod opening;
 pub mod queue;
+pub(crate) mod recoloring;
 pub mod truth;

@@ -14,6 +14,8 @@ use limpid_io::shared_classifier::Processor;
 #[derive(Debug, Clone, PartialEq)]
 struct Key {
     classify: Classify,
+    /// Whether the liquid is opaque: walls are then wetted otherwise, and particles have colours.
+    is_opaque: bool,
     processor: Processor,
     /// Frames from one frame time to the next.
     step: f64,
@@ -55,13 +57,14 @@ impl Frames {
     ) {
         let mut different: Vec<&Scene> = Vec::new();
         for scene in scenes {
-            if !different.iter().any(|d| d.settings.classify == scene.settings.classify) {
+            if !different.iter().any(|d| inputs(d) == inputs(scene)) {
                 different.push(scene);
             }
         }
         let budget = self.budget / different.len().max(1) as u64;
         let key = |scene: &Scene| Key {
             classify: scene.settings.classify.clone(),
+            is_opaque: scene.is_opaque(),
             processor,
             step,
             count: frame_times.len(),
@@ -101,8 +104,9 @@ impl Frames {
         (scene, processor): (&Scene, Processor),
         i: usize,
     ) -> Option<(Outcome, bool)> {
-        let fits =
-            |key: &Key| (&key.classify, key.processor) == (&scene.settings.classify, processor);
+        let fits = |key: &Key| {
+            ((&key.classify, key.is_opaque), key.processor) == (inputs(scene), processor)
+        };
         let (key, cache) = self.caches.iter().find(|(key, _)| fits(key)).or(self.caches.first())?;
         Some((cache.get(i)?, fits(key)))
     }
@@ -123,4 +127,9 @@ impl Frames {
             all
         })
     }
+}
+
+/// What of a scene its particles are classified by.
+fn inputs(scene: &Scene) -> (&Classify, bool) {
+    (&scene.settings.classify, scene.is_opaque())
 }

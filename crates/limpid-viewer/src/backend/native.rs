@@ -119,6 +119,14 @@ impl Backend {
         });
     }
 
+    /// Reads the attributes of a document's first frame.
+    pub(crate) fn attributes(&self, number: u64, document: &Document) {
+        let (post, input) = (self.post.clone(), document.input.clone());
+        std::thread::spawn(move || {
+            post.send(Message::Attributes(number, Box::new(input.attributes())));
+        });
+    }
+
     /// A cache that loads frames of a document on threads of its own.
     pub(crate) fn cache(
         &self,

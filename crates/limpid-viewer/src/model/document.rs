@@ -12,6 +12,7 @@ use limpid::look::Framing;
 use limpid::scene::Scene;
 use limpid_io::adjustments::Adjustments;
 use limpid_io::bake;
+use limpid_io::color_by::{ColorBy, ColorScale};
 use limpid_io::error::Result;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Loaded, Loader, Missing, files_of};
@@ -58,8 +59,14 @@ pub struct Document {
     pub plain: Scene,
     /// The processor that classifies the particles there.
     pub plain_processor: Processor,
+    /// The attribute that colours the particles there.
+    pub plain_color_by: Option<ColorBy>,
     /// The project with the overrides of the command line.
     pub project: Project,
+    /// What the colours of its particles stand for; `None` if no map shows an attribute.
+    pub scale: Option<ColorScale>,
+    /// Length of liquid that light typically crosses, m, if it was measured.
+    pub thickness: Option<f32>,
     /// Frame numbers, ascending; at least one.
     pub numbers: Vec<i64>,
     /// Identifies it between a page and its worker; 0 elsewhere.
@@ -74,10 +81,11 @@ impl Source {
 }
 
 impl Document {
-    /// Opens a source. This may read the first frame.
+    /// Opens a source. This may read the first frame, and for the usual range of an attribute that colours the particles
+    /// some of all frames.
     ///
     /// # Errors
-    /// As [`Request::open`].
+    /// As [`Request::open`] and [`Loader::color_scale`].
     pub fn open(source: &Source) -> Result<Self> {
         let request = Request {
             input: Some(source.input.clone().into()),
@@ -98,13 +106,26 @@ impl Document {
         numbers.sort_unstable();
         Ok(Self {
             source: source.clone(),
-            input,
             plain: plain.scene,
             plain_processor: plain.processor,
+            plain_color_by: plain.color_by,
             project,
+            scale: input.color_scale()?,
+            thickness: input.body().map(|body| body.thickness() as f32),
+            input,
             numbers,
             id: 0,
         })
+    }
+
+    /// Whether it is particles without a scene.
+    pub(crate) fn is_bare(&self) -> bool {
+        self.source.scene.is_none() && !self.source.input.to_lowercase().ends_with(".toml")
+    }
+
+    /// The usual range of the values that colour the particles, if it is known.
+    pub(crate) fn usual_range(&self) -> Option<[f32; 2]> {
+        self.scale.as_ref().filter(|scale| scale.automatic).map(|scale| scale.range)
     }
 
     /// The frame times of playback at a speed.

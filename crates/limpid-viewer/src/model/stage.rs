@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::model::coloring::Coloring;
 use crate::model::editing::Editing;
 use crate::model::eye::Eye;
 use crate::model::playback::Playback;
@@ -18,6 +19,8 @@ pub(crate) struct Stage {
     pub(crate) frame_times: Arc<[FrameTime]>,
     /// The processor that classifies the particles.
     pub(crate) processor: Processor,
+    /// The colours of the particles.
+    pub(crate) colors: Coloring,
 }
 
 impl Stage {

@@ -2,23 +2,25 @@
 
 use eframe::egui;
 use eframe::egui::SliderClamping::Edits;
+use glam::UVec2;
 use serde_json::json;
 
+use crate::model::coloring::Coloring;
 use crate::model::document::Document;
 use crate::model::editing::Editing;
 use crate::model::level::FINE_SAMPLES;
 use crate::model::log::Log;
 use crate::panels::Command;
+use crate::panels::colors::ColorRows;
+use crate::panels::liquid::liquid_rows;
 use crate::panels::scene::scene_rows;
+use crate::panels::sliders::number_slider;
 use crate::panels::toolbar::named;
-use limpid::scene::Scene;
 use limpid::settings::{Preset, Settings};
+use limpid_io::color_by::AttributeRange;
 use limpid_io::project::controls::{self, CONTROLS, Control, ControlKind, PASSES, Value};
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
-
-/// End of sliders with a larger range: larger values can only be typed.
-const SLIDER_END: f64 = 1e6;
 
 /// State that the settings panel shows and changes.
 pub(crate) struct SettingsPanel<'a> {
@@ -28,12 +30,17 @@ pub(crate) struct SettingsPanel<'a> {
     pub(crate) refine: &'a mut bool,
     /// The processor that classifies the particles.
     pub(crate) processor: &'a mut Processor,
+    pub(crate) colors: &'a mut Coloring,
+    /// The attributes of the files; `None` until they are known.
+    pub(crate) attributes: Option<&'a [AttributeRange]>,
+    /// Size of the picture, pixels.
+    pub(crate) size: UVec2,
     pub(crate) log: &'a mut Log,
 }
 
 impl SettingsPanel<'_> {
     pub(crate) fn show(self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
-        let Self { document, editing, refine, processor, log } = self;
+        let Self { document, editing, refine, processor, colors, attributes, size, log } = self;
         ui.horizontal(|ui| {
             for (i, name) in ["A", "B"].into_iter().enumerate() {
                 let hint = format!("edit settings {name} (X)");
@@ -74,10 +81,16 @@ impl SettingsPanel<'_> {
         });
         let scene = &mut editing.scenes[editing.edited];
         section(ui, "liquid", "Liquid", |ui| {
-            liquid(ui, scene);
+            let by = colors.by.as_ref();
+            grid(ui, "liquid", |ui| liquid_rows(ui, scene, document, by, commands));
             reset(ui, "liquid", || {
                 scene.liquid = document.project.scene.liquid;
                 scene.fluids.clone_from(&document.project.scene.fluids);
+            });
+        });
+        section(ui, "colors", "Colors", |ui| {
+            grid(ui, "colors", |ui| {
+                ColorRows { document, colors, attributes, scene, size }.show(ui, commands);
             });
         });
         let table = controls::table(&scene.settings);
@@ -141,7 +154,7 @@ fn grid(ui: &mut egui::Ui, id: &str, rows: impl FnOnce(&mut egui::Ui)) {
 
 fn section(ui: &mut egui::Ui, id: &str, title: &str, content: impl FnOnce(&mut egui::Ui)) {
     let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong());
-    let open = ["scene", "liquid", "refract", "smooth"].contains(&id);
+    let open = ["scene", "liquid", "colors", "refract", "smooth"].contains(&id);
     header.id_salt(id).default_open(open).show_unindented(ui, |ui| {
         content(ui);
         ui.add_space(4.0);
@@ -229,50 +242,4 @@ fn hint(control: &Control, settings: &Settings) -> String {
     };
     let default = control.get(&Settings::default());
     format!("{}{}\ndefault {default}\n{}", control.help, range.trim_end(), control.path())
-}
-
-/// A slider over a range, logarithmic if the range is wide. Showing a number does not change it, even if
-/// it is finer than a step of the slider or outside the range.
-fn number_slider(x: &mut f32, low: f64, high: f64) -> egui::Slider<'_> {
-    let wide = high - low > 50.0;
-    let symmetric = low < 0.0;
-    let slider = egui::Slider::new(x, low as f32..=high.min(SLIDER_END) as f32)
-        .clamping(Edits)
-        .smart_aim(true);
-    // Format it as f32: 0.12, not 0.119999997. Show all digits, because leaving the field parses the text
-    // again.
-    let slider = slider.custom_formatter(|x, _| (x as f32).to_string());
-    match wide {
-        true if !symmetric => slider.logarithmic(true).smallest_positive(low.max(1e-3)),
-        true => slider.logarithmic(true).smallest_positive(1e-2),
-        false => slider,
-    }
-}
-
-fn liquid(ui: &mut egui::Ui, scene: &mut Scene) {
-    grid(ui, "liquid", |ui| {
-        let hint =
-            "Index of refraction: water 1.33, glass 1.5, a bubble of air in water 0.75.\n0.3 to 3";
-        let label = ui.label("Index").on_hover_text(hint);
-        let slider = number_slider(&mut scene.liquid.ior, 0.3, 3.0);
-        ui.add(slider).labelled_by(label.id).on_hover_text(hint);
-        ui.end_row();
-        if scene.fluids.is_empty() {
-            absorption(ui, "Absorption", &mut scene.liquid.absorption);
-        }
-        for (number, fluid) in (1..).zip(&mut scene.fluids) {
-            absorption(ui, &format!("Absorption {number}"), &mut fluid.absorption);
-        }
-    });
-}
-
-/// Rows for the absorption of red, green and blue light.
-fn absorption(ui: &mut egui::Ui, name: &str, sigma: &mut glam::Vec3) {
-    for (axis, color) in ["red", "green", "blue"].into_iter().enumerate() {
-        let label = ui.label(format!("{name}, {color}"));
-        let slider = number_slider(&mut sigma[axis], 0.0, 1000.0).suffix(" /m");
-        let hint = "What is left of the light after a metre is exp(−this).";
-        ui.add(slider).labelled_by(label.id).on_hover_text(hint);
-        ui.end_row();
-    }
 }

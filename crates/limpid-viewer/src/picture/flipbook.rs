@@ -15,6 +15,7 @@ use crate::picture::texture::Picture;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::camera_path::CameraPath;
+use limpid_io::color_by::ColorScale;
 use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
 
@@ -31,6 +32,8 @@ pub struct Subject {
     pub processor: Processor,
     /// The camera.
     pub viewpoint: Viewpoint,
+    /// What the colours of the particles stand for.
+    pub scale: Option<ColorScale>,
 }
 
 /// The camera of a book.

@@ -34,6 +34,7 @@ impl PictureState {
             view: self.view,
             processor: stage.processor,
             viewpoint,
+            scale: stage.colors.scale.clone(),
         })
     }
 

@@ -46,6 +46,7 @@ impl PictureState {
             sizes: vec![full; visible.len()],
             view: self.view,
             refine: self.refine,
+            scale: stage.colors.scale.clone(),
         };
         let now = Instant::now();
         let changed = self.subject.as_ref() != Some(&subject);
@@ -97,7 +98,9 @@ impl PictureState {
                 let edges = &mut scene.settings.refract.edge_samples;
                 *edges = (*edges).min(DRAFT_EDGE_SAMPLES);
             }
-            Pane { scene: Arc::new(scene), camera: stage.eye.camera, loaded, size }
+            let (scene, camera) = (Arc::new(scene), stage.eye.camera);
+            let scale = stage.colors.scale.clone();
+            Pane { scene, camera, loaded, size, scale, legend: false }
         });
         let panes = panes.collect();
         self.flipping.asked = match level {

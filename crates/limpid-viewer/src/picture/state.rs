@@ -13,11 +13,13 @@ use crate::model::stage::Stage;
 use crate::model::views::View;
 use crate::picture::adaptive_resolution::AdaptiveResolution;
 use crate::picture::camera_controls;
+use crate::picture::color_legend::ColorLegend;
 use crate::picture::flipbook::Flipping;
 use crate::picture::texture::Picture;
 use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
+use limpid_io::color_by::ColorScale;
 use limpid_io::input::Loaded;
 
 /// The state of one of the two settings.
@@ -41,12 +43,13 @@ pub(crate) struct Subject {
     pub(crate) sizes: Vec<UVec2>,
     pub(crate) view: View,
     pub(crate) refine: bool,
+    pub(crate) scale: Option<ColorScale>,
 }
 
 impl Subject {
     /// Whether another subject differs at most in its frame, and in the camera if that `follows` a path.
     pub(crate) fn shows(&self, other: &Self, follows: bool) -> bool {
-        self.scenes == other.scenes
+        (&self.scenes, &self.scale) == (&other.scenes, &other.scale)
             && (follows || self.camera == other.camera)
             && (&self.sizes, self.view, self.refine) == (&other.sizes, other.view, other.refine)
     }
@@ -74,6 +77,7 @@ pub(crate) struct PictureState {
     /// The particles and pictures of settings A and B.
     pub(crate) sides: [Side; 2],
     pub(crate) flipping: Flipping,
+    pub(crate) legend: ColorLegend,
 }
 
 impl PictureState {
@@ -95,6 +99,7 @@ impl PictureState {
             viewport_size: UVec2::ZERO,
             sides: Default::default(),
             flipping: Flipping::new(flipbook),
+            legend: ColorLegend::default(),
         }
     }
 
@@ -104,6 +109,7 @@ impl PictureState {
             side.picture = Default::default();
         }
         self.subject = None;
+        self.legend = ColorLegend::default();
         self.flipping.clear();
     }
 

@@ -110,6 +110,10 @@ impl PictureState {
         if let Some(facts) = side.picture.shown.as_ref().filter(|_| self.view != View::Picture) {
             legend::show(ui, facts, &viewport, rect);
         }
+        let scale = stage.colors.legend_of(stage.editing.scene());
+        if let Some(scale) = scale.filter(|_| self.view == View::Picture) {
+            self.legend.show(ui, rect, self.viewport_size, scale);
+        }
         self.flipbook_note(stage, ui, rect);
     }
 

@@ -20,12 +20,15 @@ use limpid::Error::{Defect, DeviceLost};
 use limpid::camera::Camera;
 use limpid::frame::FrameInput;
 use limpid::gpu::{Gpu, PassTime};
+use limpid::liquid::Colors;
 use limpid::offscreen::{Offscreen, RenderedFrame};
 use limpid::scene::Scene;
+use limpid_io::color_by::ColorScale;
 use limpid_io::error::{Error, Result};
 use limpid_io::exr;
 use limpid_io::input::Loaded;
 use limpid_io::output::{PictureFormat, encode_picture};
+use limpid_io::overlay::draw_legend;
 
 /// The inputs of a picture.
 #[derive(Debug, Clone)]
@@ -38,6 +41,10 @@ pub struct Pane {
     pub loaded: Arc<Loaded>,
     /// Size in pixels.
     pub size: UVec2,
+    /// What the colours of the particles stand for, if a map shows an attribute.
+    pub scale: Option<ColorScale>,
+    /// Whether saved pictures have a legend of them.
+    pub legend: bool,
 }
 
 /// A request for the screen: one picture, or two to compare.
@@ -189,32 +196,39 @@ pub(crate) async fn caught<T>(future: impl Future<Output = T>) -> Option<T> {
     .await
 }
 
-/// Draws a picture as `limpid render` does; its other images, too, if they are asked for.
+/// Draws a picture as `limpid render` does; its other images, too, if they are asked for. Without `colors` the particles
+/// have those that they were loaded with.
 ///
 /// # Errors
 /// As [`Offscreen::finish`].
 pub async fn picture(
     offscreen: &mut Offscreen,
     pane: &Pane,
+    colors: Option<&Colors>,
     diagnose: bool,
 ) -> Result<RenderedFrame> {
     let scene = pane.loaded.scene(&pane.scene);
     let input = FrameInput::new(&scene, &pane.camera, &pane.loaded.splats, pane.size);
+    let input = FrameInput { colors: colors.or(input.colors), ..input };
     Ok(offscreen.finish(FrameInput { diagnose, timing: true, reuse: true, ..input }).await?)
 }
 
-/// Draws the pictures of a request.
+/// Draws the pictures of a request, each in its colours.
 ///
 /// # Errors
 /// As [`picture`].
-pub(crate) async fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {
+pub(crate) async fn draw(
+    offscreen: &mut Offscreen,
+    request: &Request,
+    colors: &[Option<Colors>],
+) -> Result<Drawn> {
     let &Request { number, ref panes, level, view } = request;
     let diagnose = view != View::Picture;
     let mut drawn = Vec::new();
-    for pane in panes {
+    for (pane, colors) in panes.iter().zip(colors) {
         let begun = Instant::now();
         let RenderedFrame { picture: rendered, passes, .. } =
-            picture(offscreen, pane, diagnose).await?;
+            picture(offscreen, pane, colors.as_ref(), diagnose).await?;
         let (image, legend, values) = match view.aov() {
             None => {
                 let size = [rendered.width() as usize, rendered.height() as usize];
@@ -229,22 +243,28 @@ pub(crate) async fn draw(offscreen: &mut Offscreen, request: &Request) -> Result
     Ok(Drawn { number, level, panes: drawn })
 }
 
-/// Draws a picture and encodes it in the format of the extension of `path`, which messages name.
+/// Draws a picture in its colours, with their legend, and encodes it in the format of the extension of `path`, which
+/// messages name.
 ///
 /// # Errors
 /// As [`picture`] and [`encode_picture`].
 pub(crate) async fn encoded(
     offscreen: &mut Offscreen,
     pane: &Pane,
+    colors: Option<&Colors>,
     path: &Path,
 ) -> Result<Vec<u8>> {
     let format = PictureFormat::of(path)?;
-    let rendered = picture(offscreen, pane, false).await?;
+    let rendered = picture(offscreen, pane, colors, false).await?;
     if format == PictureFormat::Exr {
         let radiance = offscreen.finish_radiance().await?;
         return exr::to_bytes(vec![radiance]).map_err(|error| Error::io(path, "write", error));
     }
     let mut bytes = Cursor::new(Vec::new());
-    encode_picture(path, &rendered.into_image(), &[], &mut bytes)?;
+    let mut rendered = rendered.into_image();
+    if let Some(scale) = pane.scale.as_ref().filter(|_| pane.legend) {
+        draw_legend(&mut rendered, scale);
+    }
+    encode_picture(path, &rendered, &[], &mut bytes)?;
     Ok(bytes.into_inner())
 }

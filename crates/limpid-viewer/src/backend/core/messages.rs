@@ -11,6 +11,7 @@ use crate::backend::core::truth::Truth;
 use crate::model::document::Document;
 use limpid_io::bake::Progress;
 use limpid_io::camera_path::CameraPath;
+use limpid_io::color_by::AttributeRange;
 use limpid_io::error::{Error, Result};
 
 /// A message from whoever works to the interface. Numbers identify the request.
@@ -32,6 +33,8 @@ pub enum Message {
     Chosen(Option<PathBuf>, Duration),
     /// The ground truth of a view has been traced.
     Traced(u64, Box<Result<Truth>>),
+    /// The attributes of a document's files have been read.
+    Attributes(u64, Box<Result<Vec<AttributeRange>>>),
     /// A file has been written.
     Saved(Result<PathBuf>),
     /// Finished pictures of the film.

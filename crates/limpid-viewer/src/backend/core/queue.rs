@@ -10,6 +10,7 @@ use std::sync::Arc;
 use image::RgbImage;
 
 use crate::backend::core::drawing::{self, Answer, DeviceEvent, Drawer, Measured, Pane, Request};
+use crate::backend::core::recoloring::Recolored;
 use crate::backend::core::truth::{Point, Truth};
 use crate::model::document::Document;
 use limpid::gpu::Gpu;
@@ -84,6 +85,7 @@ impl Queue {
 /// Draws the pictures of a queue.
 pub(crate) struct Artist<O, A, W> {
     drawer: Drawer<O>,
+    recolored: Recolored,
     answer: A,
     write: W,
 }
@@ -96,11 +98,11 @@ where
 {
     /// `open` opens a device, `answer` is told of each result, and `write` takes encoded pictures.
     pub(crate) fn new(open: O, answer: A, write: W) -> Self {
-        Self { drawer: Drawer::new(open), answer, write }
+        Self { drawer: Drawer::new(open), recolored: Recolored::default(), answer, write }
     }
 
     pub(crate) async fn act(&mut self, next: Next) {
-        let Self { drawer, answer, write } = self;
+        let Self { drawer, recolored, answer, write } = self;
         let told = |event| {
             answer(match event {
                 DeviceEvent::Opened(adapter) => Answer::Adapter(adapter),
@@ -109,12 +111,17 @@ where
         };
         let answered = match next {
             Next::Request(request) => {
-                let draw =
-                    async |offscreen: &mut Offscreen| drawing::draw(offscreen, &request).await;
-                match drawer.attempt(&told, draw).await {
-                    Ok(drawn) => Answer::Drawn(drawn),
-                    Err(error) => Answer::NotDrawn(request.number, error),
-                }
+                let colors = request.panes.iter().map(|pane| recolored.of(pane));
+                let drawn = match colors.collect::<Result<Vec<_>>>() {
+                    Ok(colors) => {
+                        let draw = async |offscreen: &mut Offscreen| {
+                            drawing::draw(offscreen, &request, &colors).await
+                        };
+                        drawer.attempt(&told, draw).await
+                    }
+                    Err(error) => Err(error),
+                };
+                drawn.map_or_else(|error| Answer::NotDrawn(request.number, error), Answer::Drawn)
             }
             Next::Job(Job::Open) => {
                 // The next picture reports why there is no device.
@@ -124,11 +131,14 @@ where
             Next::Job(Job::Save(pane, path, open)) => {
                 let allowed =
                     open.map_or(Ok(()), |open| open.check_output(&path, FileKind::PICTURE));
-                let save = async |offscreen: &mut Offscreen| {
-                    write(&path, &drawing::encoded(offscreen, &pane, &path).await?)
-                };
-                let saved = match allowed {
-                    Ok(()) => drawer.attempt(&told, save).await,
+                let saved = match allowed.and_then(|()| recolored.of(&pane)) {
+                    Ok(colors) => {
+                        let save = async |offscreen: &mut Offscreen| {
+                            let colors = colors.as_ref();
+                            write(&path, &drawing::encoded(offscreen, &pane, colors, &path).await?)
+                        };
+                        drawer.attempt(&told, save).await
+                    }
                     Err(error) => Err(error),
                 };
                 Answer::Saved(saved.map(|()| path))
@@ -158,9 +168,9 @@ async fn measure(
     metric: Metric,
 ) -> Result<Point> {
     // The first picture may compile pipelines, so it is not timed.
-    drawing::picture(offscreen, pane, false).await?;
+    drawing::picture(offscreen, pane, None, false).await?;
     offscreen.renderer.forget();
-    let rendered = drawing::picture(offscreen, pane, false).await?;
+    let rendered = drawing::picture(offscreen, pane, None, false).await?;
     let ms = rendered.passes.iter().map(|pass| pass.ms).sum();
     let flip = metric(&truth.picture, &rendered.picture)?;
     Ok(Point::new(&pane.scene.settings, ms, flip))
@@ -180,8 +190,9 @@ mod tests {
 
     fn save(name: &str) -> Job {
         let camera = Camera::fit(-DVec3::ONE, DVec3::ONE);
-        let (scene, loaded) = Default::default();
-        Job::Save(Pane { scene, camera, loaded, size: UVec2::ONE }, name.into(), None)
+        let (scene, loaded, scale) = Default::default();
+        let pane = Pane { scene, camera, loaded, size: UVec2::ONE, scale, legend: false };
+        Job::Save(pane, name.into(), None)
     }
 
     fn done(queue: &mut Queue) -> Vec<String> {

@@ -4,14 +4,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::UVec2;
+use image::DynamicImage;
 
 use limpid::frame::FrameInput;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
+use limpid_io::color_by::ColorScale;
 use limpid_io::device;
 use limpid_io::error::Result;
 use limpid_io::film::{Film, Shot};
 use limpid_io::input::{FrameTime, Loader};
+use limpid_io::overlay::draw_legend;
 use limpid_io::shared_classifier::SharedClassifier;
 
 /// The contents of a film.
@@ -22,6 +25,8 @@ pub(crate) struct Script {
     pub(crate) shots: Vec<Shot>,
     pub(crate) size: UVec2,
     pub(crate) fps: f64,
+    /// What a legend shows, if there is to be one.
+    pub(crate) legend: Option<ColorScale>,
 }
 
 /// Writes a film; `proceed` is called with the number of finished pictures and decides whether to go on. Returns
@@ -31,7 +36,7 @@ pub(crate) fn write(
     path: &Path,
     mut proceed: impl FnMut(usize) -> bool,
 ) -> Result<bool> {
-    let Script { input, scene, frame_times, shots, size, fps } = script;
+    let Script { input, scene, frame_times, shots, size, fps, legend } = script;
     let mut film = Film::create(path, *size, *fps)?;
     let gpu = device::open()?;
     let input = input.clone().classified(SharedClassifier::on(&gpu));
@@ -45,8 +50,11 @@ pub(crate) fn write(
         };
         let scene = loaded.scene(scene);
         let input = FrameInput::new(&scene, &shot.camera, &loaded.splats, *size);
-        let frame = offscreen.draw(input)?;
-        film.push(&frame.picture)?;
+        let mut picture = DynamicImage::from(offscreen.draw(input)?.picture);
+        if let Some(scale) = legend {
+            draw_legend(&mut picture, scale);
+        }
+        film.push(&picture.into_rgb8())?;
         last = Some((shot.frame, loaded));
         if !proceed(done) {
             return Ok(false);

@@ -240,6 +240,9 @@ impl Backend {
                     mirror.borrow_mut().cached(state);
                 }
             }
+            Tell::Attributes { number, listed } => {
+                send(Message::Attributes(number, Box::new(told(listed))));
+            }
             Tell::Saved(name) => {
                 if let Some(bytes) = buffers.first() {
                     self.download(&name, Uint8Array::new(bytes));
@@ -299,6 +302,11 @@ impl Backend {
         });
     }
 
+    /// Reads the attributes of a document's first frame.
+    pub(crate) fn attributes(&self, number: u64, document: &Document) {
+        self.ask(&Ask::Attributes { number, document: document.id });
+    }
+
     /// A cache of the frames of a document.
     pub(crate) fn cache(
         &self,
@@ -351,6 +359,8 @@ impl Backend {
             camera: pane.camera,
             frame,
             size: pane.size,
+            scale: pane.scale.clone(),
+            legend: pane.legend,
         })
     }
 

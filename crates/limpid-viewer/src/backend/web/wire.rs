@@ -13,6 +13,7 @@ use limpid::liquid::classify::Splats;
 use limpid::scene::{Light, Liquid, Medium, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
 use limpid_io::adjustments::{Floor, Sun};
+use limpid_io::color_by::{AttributeRange, ColorBy, ColorScale};
 use limpid_io::error::{Error, Result};
 use limpid_io::frame_cache::CacheState;
 use limpid_io::input::{FrameTime, Loaded, Loader};
@@ -57,10 +58,13 @@ pub(crate) enum Ask {
     Draw { number: u64, panes: Vec<PaneText>, level: Level, view: Option<(String, usize)> },
     /// Draws a picture and encodes it in the format of its name.
     Save { pane: PaneText, name: String },
+    /// Reads the attributes of a document's first frame.
+    Attributes { number: u64, document: u64 },
     /// Writes the scene of a document.
     SaveScene {
         document: u64,
         edits: Edits,
+        color_by: Option<ColorBy>,
         camera: Camera,
         at: FrameTime,
         processor: Processor,
@@ -114,6 +118,11 @@ pub(super) enum Tell {
         id: u64,
         state: CacheState,
     },
+    /// The attributes of a document's first frame.
+    Attributes {
+        number: u64,
+        listed: Result<Vec<AttributeRange>, String>,
+    },
     /// A file for the user: its name; the buffer is its contents.
     Saved(String),
     NotSaved(String),
@@ -127,8 +136,7 @@ pub(super) enum Tell {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Edits {
     settings: Settings,
-    ior: f32,
-    absorption: Vec3,
+    liquid: Liquid,
     fluids: Vec<Medium>,
     lights: Vec<Light>,
     sun: Sun,
@@ -139,8 +147,7 @@ impl Edits {
     pub(crate) fn of(scene: &Scene) -> Self {
         Self {
             settings: scene.settings.clone(),
-            ior: scene.liquid.ior,
-            absorption: scene.liquid.absorption,
+            liquid: scene.liquid,
             fluids: scene.fluids.clone(),
             lights: scene.lights.clone(),
             sun: Sun::of(scene),
@@ -155,7 +162,7 @@ impl Edits {
     pub(super) fn apply(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         scene.settings = self.settings.clone();
-        scene.liquid = Liquid { ior: self.ior, absorption: self.absorption, ..scene.liquid };
+        scene.liquid = self.liquid;
         scene.fluids.clone_from(&self.fluids);
         if Sun::of(&scene) != self.sun {
             // The sky's disc turns with it.
@@ -194,6 +201,8 @@ pub(crate) struct PaneText {
     /// The number of the frame, of those that the worker has told.
     pub(super) frame: u64,
     pub(super) size: UVec2,
+    pub(super) scale: Option<ColorScale>,
+    pub(super) legend: bool,
 }
 
 /// A frame of particles, without them.
@@ -230,6 +239,10 @@ pub(super) struct DocumentText {
     plain: Edits,
     camera: Option<Camera>,
     processor: Processor,
+    color_by: Option<ColorBy>,
+    plain_color_by: Option<ColorBy>,
+    scale: Option<ColorScale>,
+    thickness: Option<f32>,
     simulation: Option<Simulation>,
     has_files: bool,
     numbers: Vec<i64>,
@@ -249,6 +262,10 @@ impl DocumentText {
             plain: Edits::of(plain),
             camera: project.camera,
             processor: project.processor,
+            color_by: project.color_by.clone(),
+            plain_color_by: document.plain_color_by.clone(),
+            scale: document.scale.clone(),
+            thickness: document.thickness,
             simulation: project.source.simulation().cloned(),
             has_files: input.has_files(),
             numbers: numbers.clone(),
@@ -260,10 +277,12 @@ impl DocumentText {
 
     pub(super) fn outline(self) -> Document {
         let Self { id, source, scene, plain, camera, processor, simulation, numbers, .. } = self;
+        let Self { color_by, plain_color_by, scale, thickness, .. } = self;
         let project = Project {
             scene: scene.outline(),
             camera,
             processor,
+            color_by,
             source: simulation.map_or(LiquidSource::Unspecified, LiquidSource::Simulation),
             ..Project::default()
         };
@@ -273,7 +292,18 @@ impl DocumentText {
         let mut input = Loader::outline_of(&project, sequence, self.has_files, self.fps);
         input.frame = self.frame;
         let (plain, plain_processor) = (plain.outline(), processor);
-        Document { source, input, plain, plain_processor, project, numbers, id }
+        Document {
+            source,
+            input,
+            plain,
+            plain_processor,
+            plain_color_by,
+            project,
+            scale,
+            thickness,
+            numbers,
+            id,
+        }
     }
 }
 

@@ -176,10 +176,16 @@ impl Worker {
                 Ok(pane) => self.queue.borrow_mut().push(Job::Save(pane, name.into(), None)),
                 Err(error) => answer(Answer::Saved(Err(error))),
             },
-            Ask::SaveScene { document, edits, camera, at, processor, name } => {
+            Ask::Attributes { number, document } => {
+                let Some(document) = self.shown(document) else { return };
+                let listed = document.input.attributes().map_err(|error| error.to_string());
+                tell(&Tell::Attributes { number, listed });
+            }
+            Ask::SaveScene { document, edits, color_by, camera, at, processor, name } => {
                 let Some(document) = self.shown(document) else { return };
                 let scene = edits.apply(&document.project.scene);
-                let project = Project { processor, ..document.saved(scene, camera, at) };
+                let project = document.saved(scene, camera, at);
+                let project = Project { processor, color_by, ..project };
                 // Files of the user are named from their folder, where the scene belongs.
                 match project.to_files(&root_of(&document.source.input).join(&name)) {
                     Ok(files) => {
@@ -436,7 +442,9 @@ impl Worker {
         let unknown = || limpid::Error::Defect("a frame is drawn that is not in memory".into());
         let Known { loaded, document } = known.get(&text.frame).ok_or_else(unknown)?;
         let scene = Arc::new(text.edits.apply(&document.project.scene));
-        Ok(Pane { scene, camera: text.camera, loaded: loaded.clone(), size: text.size })
+        let PaneText { camera, size, legend, .. } = *text;
+        let (loaded, scale) = (loaded.clone(), text.scale.clone());
+        Ok(Pane { scene, camera, loaded, size, scale, legend })
     }
 
     /// Draws what the page wants.
