@@ -129,7 +129,7 @@ impl Frames {
     }
 }
 
-/// What of a scene its particles are classified by.
+/// The parts of a scene that classification depends on.
 fn inputs(scene: &Scene) -> (&Classify, bool) {
     (&scene.settings.classify, scene.is_opaque())
 }

@@ -10,7 +10,7 @@ use crate::model::document::Document;
 pub struct Coloring {
     /// The attribute with the map and the range that were chosen; `None` if nothing colours the particles.
     pub by: Option<ColorBy>,
-    /// What the colours stand for; `None` if no map shows the attribute.
+    /// The values that the colours show; `None` if no map shows the attribute.
     pub scale: Option<ColorScale>,
     /// Whether a legend is wanted.
     pub legend: bool,
@@ -35,7 +35,7 @@ impl Coloring {
         self.by.as_ref().filter(|_| self.by != document.project.color_by)
     }
 
-    /// What a legend over a picture of this scene shows.
+    /// The legend of this scene's pictures.
     pub(crate) fn legend_of(&self, scene: &Scene) -> Option<&ColorScale> {
         self.scale.as_ref().filter(|_| self.legend && scene.is_opaque())
     }

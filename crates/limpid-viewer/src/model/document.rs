@@ -63,7 +63,7 @@ pub struct Document {
     pub plain_color_by: Option<ColorBy>,
     /// The project with the overrides of the command line.
     pub project: Project,
-    /// What the colours of its particles stand for; `None` if no map shows an attribute.
+    /// The values that its particles' colours show; `None` if no map shows an attribute.
     pub scale: Option<ColorScale>,
     /// Length of liquid that light typically crosses, m, if it was measured.
     pub thickness: Option<f32>,

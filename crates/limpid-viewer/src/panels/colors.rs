@@ -15,7 +15,7 @@ use crate::panels::toolbar::named;
 /// Size of a list of attributes at most, points.
 const LIST: egui::Vec2 = egui::vec2(220.0, 360.0);
 
-/// What the controls show and change.
+/// State that the controls show and change.
 pub(crate) struct ColorRows<'a> {
     pub(crate) document: &'a Document,
     pub(crate) colors: &'a mut Coloring,

@@ -16,7 +16,7 @@ use limpid_io::media::MediumName;
 /// Optical depth of a body that becomes turbid.
 const TURBID_DEPTH: f32 = 10.0;
 
-/// What the liquid does with light.
+/// The liquid's optics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Sort {
     Clear,

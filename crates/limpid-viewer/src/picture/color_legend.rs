@@ -8,7 +8,7 @@ use limpid_io::overlay::legend_alone;
 /// The last legend that was drawn.
 #[derive(Default)]
 pub(crate) struct ColorLegend {
-    /// What it shows, and the size of the picture.
+    /// Its values, and the size of the picture.
     of: Option<(ColorScale, UVec2)>,
     /// Its texture and its upper left corner, pixels; `None` if the picture is too small.
     drawn: Option<(TextureHandle, UVec2)>,

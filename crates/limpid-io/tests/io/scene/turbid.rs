@@ -108,7 +108,7 @@ fn turbid_liquids_are_set() {
     assert!(error.contains("no medium inside"), "{error}");
 }
 
-/// What turns one liquid into another does so to the bit, whatever kinds they are and whatever colours them.
+/// Differences turn one liquid into another to the bit, whatever their kinds and colours.
 #[test]
 fn differences_give_the_other_liquid() {
     let by = |name: &str, map, range| {

@@ -41,7 +41,7 @@ pub struct Pane {
     pub loaded: Arc<Loaded>,
     /// Size in pixels.
     pub size: UVec2,
-    /// What the colours of the particles stand for, if a map shows an attribute.
+    /// The values that the particles' colours show, if a map shows an attribute.
     pub scale: Option<ColorScale>,
     /// Whether saved pictures have a legend of them.
     pub legend: bool,

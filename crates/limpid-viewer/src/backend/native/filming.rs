@@ -25,7 +25,7 @@ pub(crate) struct Script {
     pub(crate) shots: Vec<Shot>,
     pub(crate) size: UVec2,
     pub(crate) fps: f64,
-    /// What a legend shows, if there is to be one.
+    /// The values of the legend, if there is to be one.
     pub(crate) legend: Option<ColorScale>,
 }
 
