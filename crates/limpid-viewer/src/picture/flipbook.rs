@@ -32,7 +32,7 @@ pub struct Subject {
     pub processor: Processor,
     /// The camera.
     pub viewpoint: Viewpoint,
-    /// What the colours of the particles stand for.
+    /// The values that its particles' colours show.
     pub scale: Option<ColorScale>,
 }
 
