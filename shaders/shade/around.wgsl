@@ -1,18 +1,18 @@
 // Light from around that reaches an opaque body: from the environment, from solids, and from the body itself.
 //
-// Each pixel looks along a few directions of its hemisphere, another set than its neighbours', so that the mean over 4 x 4
-// pixels (shade/body.wgsl) has 16 times as many. Along a direction the layers show what of the body lies in the way
+// Each pixel looks along a few directions of its hemisphere, another set than its neighbours'; shade/means.wgsl and
+// shade/body.wgsl have the mean over pixels around it. Along a direction the layers show what of the body lies in the way
 // (L. Bavoil, M. Sainz and R. Dimitrov, Image-Space Horizon-Based Ambient Occlusion, 2008); solids are traced.
 
 #import shade/looks.wgsl
 #import shade/material.wgsl
 #import shade/packed.wgsl
 
-const DIRECTIONS: u32 = 4u;     // of the hemisphere
+const DIRECTIONS: u32 = 2u;     // of the hemisphere
 const MIRRORED: u32 = 1u;       // directions of the coat's reflection
 
-// Light of the hemisphere, its reflection in the coat, the share of the body in the way times its albedo, and the
-// reflectance of the coat.
+// Light of the hemisphere, its reflection in the coat, 1 less the share of the body in the way times its albedo, and the
+// reflectance of the coat with the part of it that meets the body.
 @group(1) @binding(5) var around: texture_storage_2d<rgba32uint, write>;
 
 // Albedo of the body in the way; 0 if there is none.
@@ -34,9 +34,7 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
         textureStore(around, p, vec4u(0u));
         return;
     }
-    // One of 16 in each 4 x 4 pixels.
-    let turn = u32(p.x & 3) | (u32(p.y & 3) << 2u);
-    let shift = vec2f(f32(turn) + 0.5, f32((turn * 7u) & 15u) + 0.5) / 16.0;
+    let shift = pattern(p);
     let across = basis_around(body.normal);
     var light = vec3f(0.0);
     var bounced = vec3f(0.0);
@@ -50,7 +48,7 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
         bounced += blocked_by(seen) / f32(DIRECTIONS);
     }
     var mirrored = vec3f(0.0);
-    var reflectance = 0.0;
+    var reflectance = vec2f(0.0);
     if COATED {
         let alpha2 = params.roughness * params.roughness;
         for (var i = 0u; i < MIRRORED; i++) {
@@ -65,16 +63,14 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
             // A facet's reflection into the body meets it again at once.
             d = normalize(d + max(1e-3 - dot(d, body.normal), 0.0) * body.normal);
             let seen = look(body, d, shift.y, params.roughness);
-            // The body in the way is about as bright as this place.
-            let radiance = seen.radiance + blocked_by(seen) * bounced_light(light, bounced);
             let share = coat_reflectance(cos_theta) / f32(MIRRORED);
-            mirrored += share * radiance;
-            reflectance += share;
+            mirrored += share * seen.radiance;
+            reflectance += vec2f(share, select(0.0, share, seen.is_blocked));
         }
     }
     textureStore(
         around,
         p,
-        vec4u(packed_rgb(light), packed_rgb(mirrored), packed_shares(bounced), bitcast<u32>(reflectance)),
+        vec4u(packed_rgb(light), packed_rgb(mirrored), packed_rgb(1.0 - bounced), pack2x16unorm(reflectance)),
     );
 }

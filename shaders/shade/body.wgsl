@@ -2,50 +2,36 @@
 // of the lights.
 
 #import shade/material.wgsl
+#import shade/neighbours.wgsl
 #import shade/packed.wgsl
-#import shade/surface.wgsl
 
-@group(1) @binding(5) var around: texture_2d<u32>;
+@group(1) @binding(5) var means: texture_2d<u32>;
 @group(1) @binding(6) var body_radiance: texture_storage_2d<rgba32float, write>;
 
-// Mean of what the 4 x 4 pixels around a texel see that are of its surface.
+// Means of what the pixels around a texel see that are of its surface.
 struct Around {
     light: vec3f,
     mirrored: vec3f,
     bounced: vec3f,
-    reflectance: f32,
+    reflectance: vec2f, // of the coat, and the part of it that meets the body
 }
 
-// How far pixels of one surface lie off its plane, in particle radii.
-const OFF_PLANE: f32 = 1.0;
-
+// The light over 12 x 12 pixels, and the coat's over 4 x 4.
 fn around_of(p: vec2i, body: Body) -> Around {
-    var sum: Around;
+    var light = vec3f(0.0);
+    var leaving = vec3f(0.0);
     var weight = 0.0;
-    let last = vec2i(camera.size) - 1;
-    let most = OFF_PLANE * params.radius + camera_pixel_side(body.position);
-    for (var i = 0; i < 16; i++) {
-        let texel = clamp(p + vec2i(i & 3, i >> 2u) - 2, vec2i(0), last);
-        let bits = textureLoad(around, texel, 0);
-        let omega = camera_omega(vec2f(texel) + 0.5);
-        // Beside the liquid's tiles `around` has what it had.
-        let front = front_at(texel);
-        let disparity = max(dot(front, omega), 1e-20);
-        let is_same = !plane_is_empty(front) && abs(depth_below(body.front, omega, disparity)) <= most;
-        let share = select(0.0, 1.0, is_same);
-        sum.light += share * unpacked_rgb(bits.x);
-        sum.mirrored += share * unpacked_rgb(bits.y);
-        sum.bounced += share * unpacked_shares(bits.z);
-        sum.reflectance += share * bitcast<f32>(bits.w);
+    for (var i = 0; i < 9; i++) {
+        let texel = further_neighbour(p, i);
+        let bits = textureLoad(means, texel, 0);
+        let share = select(0.0, further_weight(i), shows_surface_of(body, texel));
+        light += share * unpacked_rgb(bits.x);
+        leaving += share * unpacked_rgb(bits.z);
         weight += share;
     }
-    let inverse = 1.0 / max(weight, 1.0);
-    return Around(
-        inverse * sum.light,
-        inverse * sum.mirrored,
-        inverse * sum.bounced,
-        inverse * sum.reflectance,
-    );
+    let scale = 1.0 / max(weight, 1.0);
+    let own = textureLoad(means, p, 0);
+    return Around(scale * light, unpacked_rgb(own.y), 1.0 - scale * leaving, unpack2x16unorm(own.w));
 }
 
 // Share of a light that the body does not keep from itself. Its layers seen from the light say where that enters it; a place
@@ -95,7 +81,8 @@ fn shade_body(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
     let albedo = albedo_at(p);
     let around = around_of(p, body);
     var diffuse = bounced_light(around.light, around.bounced);
-    var mirrored = around.mirrored;
+    // The body in the way is about as bright as this place.
+    var mirrored = around.mirrored + around.reflectance.y * albedo * diffuse;
     let cos_o = max(dot(body.normal, body.eye), 1e-3);
     let x = camera_world_point(body.position);
     let n = camera_world_direction(body.normal);
@@ -118,7 +105,7 @@ fn shade_body(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
     }
     var radiance = albedo * diffuse / (1.0 - params.film_reflectance * albedo);
     if COATED {
-        radiance = (1.0 - around.reflectance) * radiance + mirrored;
+        radiance = (1.0 - around.reflectance.x) * radiance + mirrored;
     }
     textureStore(body_radiance, p, vec4f(radiance, 1.0));
 }

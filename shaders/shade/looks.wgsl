@@ -8,6 +8,14 @@
 const STEPS: u32 = 12u;         // along each
 const GROWTH: f32 = 1.5;        // of a step to the next
 
+// One of 64 even places in each 8 x 8 pixels, spread evenly over each 4 x 4 of them.
+fn pattern(p: vec2i) -> vec2f {
+    let fine = u32(p.x & 3) | (u32(p.y & 3) << 2u);
+    let coarse = u32((p.x >> 2u) & 1) | (u32((p.y >> 2u) & 1) << 1u);
+    let places = vec2u(4u * fine + coarse, 4u * ((fine * 7u) & 15u) + ((coarse * 3u + 1u) & 3u));
+    return (vec2f(places) + 0.5) / 64.0;
+}
+
 struct Seen {
     radiance: vec3f,
     is_blocked: bool, // by the body itself, at `texel`

@@ -1,4 +1,4 @@
-// Colours and shares in the bits of an integer.
+// Colours in the bits of an integer.
 
 // RGB of a common exponent: EXT_texture_shared_exponent, without its rounding upwards.
 fn packed_rgb(color: vec3f) -> u32 {
@@ -12,14 +12,4 @@ fn packed_rgb(color: vec3f) -> u32 {
 fn unpacked_rgb(bits: u32) -> vec3f {
     let mantissas = vec3f(vec3u(bits, bits >> 9u, bits >> 18u) & vec3u(511u));
     return mantissas * exp2(f32(bits >> 27u) - 24.0);
-}
-
-// Three numbers from 0 to 1 in thousandths: those of four directions are exact.
-fn packed_shares(shares: vec3f) -> u32 {
-    let parts = vec3u(clamp(shares, vec3f(0.0), vec3f(1.0)) * 1000.0 + 0.5);
-    return parts.x | (parts.y << 10u) | (parts.z << 20u);
-}
-
-fn unpacked_shares(bits: u32) -> vec3f {
-    return vec3f(vec3u(bits, bits >> 10u, bits >> 20u) & vec3u(1023u)) / 1000.0;
 }

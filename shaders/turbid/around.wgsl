@@ -64,14 +64,6 @@ fn hemisphere(across: mat2x3f, normal: vec3f, xi: vec2f) -> vec3f {
     return normalize(across * beside + sqrt(max(1.0 - xi.x, 1e-4)) * normal);
 }
 
-// One of 64 even places in each 8 x 8 pixels, spread evenly over each 4 x 4 of them.
-fn pattern(p: vec2i) -> vec2f {
-    let fine = u32(p.x & 3) | (u32(p.y & 3) << 2u);
-    let coarse = u32((p.x >> 2u) & 1) | (u32((p.y >> 2u) & 1) << 1u);
-    let places = vec2u(4u * fine + coarse, 4u * ((fine * 7u) & 15u) + ((coarse * 3u + 1u) & 3u));
-    return (vec2f(places) + 0.5) / 64.0;
-}
-
 @compute @workgroup_size(8, 8)
 fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let p = texel_of(group, local);

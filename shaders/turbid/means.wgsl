@@ -1,16 +1,13 @@
 // Light on a turbid liquid: means of what the pixels around each pixel have seen (turbid/around.wgsl), first of 4 x 4, then
 // of 3 x 3 such means. Where much of what is seen is the liquid itself, its light is a series that enlarges errors.
 
+#import shade/neighbours.wgsl
 #import shade/packed.wgsl
-#import shade/surface.wgsl
 #import turbid/params.wgsl
 
 @group(1) @binding(5) var around: texture_2d<u32>;
 // On the first surface, on the last, and of a wet solid; after the second kernel mean curvature of the first, 1/m.
 @group(1) @binding(6) var light: texture_storage_2d<rgba32uint, write>;
-
-// How far pixels of one surface lie off its plane, in particle radii.
-const OFF_PLANE: f32 = 1.0;
 
 // Way across the surface over which its curvature is measured, as a share of the liquid's thickness.
 const CURVED_OVER: f32 = 0.35;
@@ -53,13 +50,8 @@ struct Sum {
 }
 
 fn add(sum: ptr<function, Sum>, body: Body, texel: vec2i, weight: f32) {
-    let omega = camera_omega(vec2f(texel) + 0.5);
+    let share = select(0.0, weight, shows_surface_of(body, texel));
     // Beside the liquid's tiles `around` has what it had.
-    let front = front_at(texel);
-    let disparity = max(dot(front, omega), 1e-20);
-    let most = OFF_PLANE * params.radius + camera_pixel_side(body.position);
-    let is_same = !plane_is_empty(front) && abs(depth_below(body.front, omega, disparity)) <= most;
-    let share = select(0.0, weight, is_same);
     let bits = textureLoad(around, texel, 0);
     (*sum).light.near += share * unpacked_rgb(bits.x);
     (*sum).light.leaving += share * unpacked_rgb(bits.y);
@@ -78,10 +70,9 @@ fn average(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     if plane_is_empty(body.front) {
         return;
     }
-    let last = vec2i(camera.size) - 1;
     var sum: Sum;
     for (var i = 0; i < 16; i++) {
-        add(&sum, body, clamp(p + vec2i(i & 3, i >> 2u) - 2, vec2i(0), last), 1.0);
+        add(&sum, body, neighbour(p, i), 1.0);
     }
     let scale = 1.0 / max(sum.weight, 1.0);
     textureStore(light, p, vec4u(
@@ -102,12 +93,9 @@ fn spread(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
     if plane_is_empty(body.front) {
         return;
     }
-    let last = vec2i(camera.size) - 1;
     var sum: Sum;
-    for (var y = -1; y <= 1; y++) {
-        for (var x = -1; x <= 1; x++) {
-            add(&sum, body, clamp(p + 4 * vec2i(x, y), vec2i(0), last), f32((2 - abs(x)) * (2 - abs(y))));
-        }
+    for (var i = 0; i < 9; i++) {
+        add(&sum, body, further_neighbour(p, i), further_weight(i));
     }
     let scale = 1.0 / max(sum.weight, 1.0);
     let near = bounced_light(scale * sum.light.near, 1.0 - scale * sum.light.leaving);

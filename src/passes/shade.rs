@@ -39,6 +39,8 @@ pub struct Params {
 #[derive(Debug)]
 pub struct ShadeImages {
     around: wgpu::Texture,
+    /// Means over 4×4 pixels.
+    means: wgpu::Texture,
     /// Radiance of the body at each pixel that shows it; elsewhere without meaning.
     pub radiance: wgpu::Texture,
 }
@@ -48,9 +50,10 @@ pub struct ShadeImages {
 pub struct Shade {
     tiles: TileLists,
     around: wgpu::ComputePipeline,
+    means: wgpu::ComputePipeline,
     body: wgpu::ComputePipeline,
-    /// Group 1 of both, by section of the tiles.
-    sections: Vec<[Bound; 2]>,
+    /// Group 1 of these, by section of the tiles.
+    sections: Vec<[Bound; 3]>,
 }
 
 impl ShadeImages {
@@ -59,6 +62,7 @@ impl ShadeImages {
         let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
         Self {
             around: gpu.texture("light around", size, 1, AROUND, usage),
+            means: gpu.texture("means of light", size, 1, AROUND, usage),
             radiance: gpu.texture("body", size, 1, Layers::FORMAT, usage),
         }
     }
@@ -111,7 +115,7 @@ impl Shade {
         let params = Params::new(scene, radius, film);
         let params = gpu.buffer_with("shade", gpu::UNIFORM, &[params]);
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
-        let [around, radiance] = [&images.around, &images.radiance].map(view);
+        let [around, means, radiance] = [&images.around, &images.means, &images.radiance].map(view);
         let color = colors.map_or_else(|| eye.images.mixture.view.clone(), view);
         let splash = eye.splash_layers();
         let (aggregates, splashes) =
@@ -126,12 +130,17 @@ impl Shade {
                 (gpu::storage_of(8), tiles.section(&tiles.liquid, section)),
             ];
             let found = [(gpu::storage_texture(AROUND, D2), TextureView(&around))];
-            let drawn = [
+            let averaged = [
                 (gpu::sampled_integers(), TextureView(&around)),
+                (gpu::storage_texture(AROUND, D2), TextureView(&means)),
+            ];
+            let drawn = [
+                (gpu::sampled_integers(), TextureView(&means)),
                 (gpu::storage_texture(Layers::FORMAT, D2), TextureView(&radiance)),
             ];
             [
                 gpu.bind("light around", &[&shared[..], &found].concat()),
+                gpu.bind("means of light", &[&shared[..], &averaged].concat()),
                 gpu.bind("body", &[&shared[..], &drawn].concat()),
             ]
         };
@@ -152,21 +161,28 @@ impl Shade {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
             gpu.kernel(shader, Default::default(), entry, &layouts, &constants)
         };
-        let [found, drawn] = &sections[0];
-        let [around, body] = gpu.pipelines([
+        let [found, averaged, drawn] = &sections[0];
+        let [around, means, body] = gpu.pipelines([
             kernel("shade/around.wgsl", "look_around", found),
+            kernel("shade/means.wgsl", "average", averaged),
             kernel("shade/body.wgsl", "shade_body", drawn),
         ]);
-        Self { tiles: tiles.clone(), around, body, sections }
+        Self { tiles: tiles.clone(), around, means, body, sections }
     }
 
     /// Records the body's radiance.
     pub fn record(&self, commands: &mut Commands<'_>, eye: &ViewPasses, span: Span<'_>) {
-        let Self { tiles, around, body, sections } = self;
-        tiles.run_on_liquid(commands, ("shade", span), WORK, [around, body], |section, kernel| {
-            let own = &sections[section as usize][kernel];
-            [&eye.camera.group, &own.group, &eye.scene.group]
-        });
+        let Self { tiles, around, means, body, sections } = self;
+        tiles.run_on_liquid(
+            commands,
+            ("shade", span),
+            WORK,
+            [around, means, body],
+            |section, kernel| {
+                let own = &sections[section as usize][kernel];
+                [&eye.camera.group, &own.group, &eye.scene.group]
+            },
+        );
     }
 }
 
