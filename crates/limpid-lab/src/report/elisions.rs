@@ -12,7 +12,7 @@ use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
-use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+use limpid::scene::{Kind, Light, Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::Solids;
 use limpid_io::error::Result;
 
@@ -155,6 +155,17 @@ fn without_need(frame: &Frame) -> Vec<Case> {
         &["gbuffer"],
         &bare,
         &|frame| frame.scene.solids.push(speck(false)),
+    ));
+
+    let mut opaque = base.clone();
+    opaque.scene.liquid = Liquid { kind: Kind::Opaque, ior: 1.0, ..Liquid::default() };
+    opaque.scene.fluids.clear();
+    cases.push(case(
+        "an opaque body: no backs",
+        "a particle just behind the eye",
+        &[],
+        &opaque,
+        &|frame| frame.splats.aggregates.push(behind(f64::from(camera.near()))),
     ));
     cases
 }
