@@ -71,6 +71,6 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id
     textureStore(
         around,
         p,
-        vec4u(packed_rgb(light), packed_rgb(mirrored), packed_rgb(1.0 - bounced), pack2x16unorm(reflectance)),
+        vec4u(packed_rgb(light), packed_rgb(mirrored), packed_rgb(1.0 - bounced), packed_rgb(vec3f(reflectance, 0.0))),
     );
 }

@@ -31,7 +31,7 @@ fn around_of(p: vec2i, body: Body) -> Around {
     }
     let scale = 1.0 / max(weight, 1.0);
     let own = textureLoad(means, p, 0);
-    return Around(scale * light, unpacked_rgb(own.y), 1.0 - scale * leaving, unpack2x16unorm(own.w));
+    return Around(scale * light, unpacked_rgb(own.y), 1.0 - scale * leaving, unpacked_rgb(own.w).xy);
 }
 
 // Share of a light that the body does not keep from itself. Its layers seen from the light say where that enters it; a place

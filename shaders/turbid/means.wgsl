@@ -1,13 +1,8 @@
 // Light on a turbid liquid: means of what the pixels around each pixel have seen (turbid/around.wgsl), first of 4 x 4, then
 // of 3 x 3 such means. Where much of what is seen is the liquid itself, its light is a series that enlarges errors.
 
-#import shade/neighbours.wgsl
-#import shade/packed.wgsl
+#import shade/averages.wgsl
 #import turbid/params.wgsl
-
-@group(1) @binding(5) var around: texture_2d<u32>;
-// On the first surface, on the last, and of a wet solid; after the second kernel mean curvature of the first, 1/m.
-@group(1) @binding(6) var light: texture_storage_2d<rgba32uint, write>;
 
 // Way across the surface over which its curvature is measured, as a share of the liquid's thickness.
 const CURVED_OVER: f32 = 0.35;
@@ -35,54 +30,6 @@ fn mean_curvature(p: vec2i, body: Body) -> f32 {
     return max(sum / max(weight, 1.0), 0.0);
 }
 
-// Light around a surface.
-struct Surroundings {
-    near: vec3f,
-    leaving: vec3f, // share that the liquid in the way does not send back
-    far: vec3f,
-    ground: vec3f,
-}
-
-// Weighted sum of the light at texels of the body's surface.
-struct Sum {
-    light: Surroundings,
-    weight: f32,
-}
-
-fn add(sum: ptr<function, Sum>, body: Body, texel: vec2i, weight: f32) {
-    let share = select(0.0, weight, shows_surface_of(body, texel));
-    // Beside the liquid's tiles `around` has what it had.
-    let bits = textureLoad(around, texel, 0);
-    (*sum).light.near += share * unpacked_rgb(bits.x);
-    (*sum).light.leaving += share * unpacked_rgb(bits.y);
-    (*sum).light.far += share * unpacked_rgb(bits.z);
-    (*sum).light.ground += share * unpacked_rgb(bits.w);
-    (*sum).weight += share;
-}
-
-@compute @workgroup_size(8, 8)
-fn average(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let p = texel_of(group, local);
-    if any(p >= vec2i(camera.size)) {
-        return;
-    }
-    let body = body_at(p);
-    if plane_is_empty(body.front) {
-        return;
-    }
-    var sum: Sum;
-    for (var i = 0; i < 16; i++) {
-        add(&sum, body, neighbour(p, i), 1.0);
-    }
-    let scale = 1.0 / max(sum.weight, 1.0);
-    textureStore(light, p, vec4u(
-        packed_rgb(scale * sum.light.near),
-        packed_rgb(scale * sum.light.leaving),
-        packed_rgb(scale * sum.light.far),
-        packed_rgb(scale * sum.light.ground),
-    ));
-}
-
 @compute @workgroup_size(8, 8)
 fn spread(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let p = texel_of(group, local);
@@ -93,16 +40,17 @@ fn spread(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
     if plane_is_empty(body.front) {
         return;
     }
-    var sum: Sum;
+    // On the first surface, the share of it that leaves, on the last, and of a wet solid.
+    var sums: Sums;
     for (var i = 0; i < 9; i++) {
-        add(&sum, body, further_neighbour(p, i), further_weight(i));
+        add(&sums, body, further_neighbour(p, i), further_weight(i));
     }
-    let scale = 1.0 / max(sum.weight, 1.0);
-    let near = bounced_light(scale * sum.light.near, 1.0 - scale * sum.light.leaving);
-    textureStore(light, p, vec4u(
+    let scale = 1.0 / max(sums.weight, 1.0);
+    let near = bounced_light(scale * sums.colors[0], 1.0 - scale * sums.colors[1]);
+    textureStore(means, p, vec4u(
         packed_rgb(near),
-        packed_rgb(scale * sum.light.far),
-        packed_rgb(scale * sum.light.ground),
+        packed_rgb(scale * sums.colors[2]),
+        packed_rgb(scale * sums.colors[3]),
         bitcast<u32>(mean_curvature(p, body)),
     ));
 }

@@ -93,6 +93,7 @@ pub const RENDERER: Library = Library {
         ("refract/turbid_lights.wgsl", include_str!("../../shaders/refract/turbid_lights.wgsl")),
         ("refract/turbid.wgsl", include_str!("../../shaders/refract/turbid.wgsl")),
         ("shade/neighbours.wgsl", include_str!("../../shaders/shade/neighbours.wgsl")),
+        ("shade/averages.wgsl", include_str!("../../shaders/shade/averages.wgsl")),
         ("shade/means.wgsl", include_str!("../../shaders/shade/means.wgsl")),
         ("shade/around.wgsl", include_str!("../../shaders/shade/around.wgsl")),
         ("shade/body.wgsl", include_str!("../../shaders/shade/body.wgsl")),

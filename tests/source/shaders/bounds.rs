@@ -4,7 +4,7 @@ use super::library::KnownLoop;
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-pub(super) const LOOPS: [KnownLoop; 195] = [
+pub(super) const LOOPS: [KnownLoop; 196] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -134,9 +134,10 @@ pub(super) const LOOPS: [KnownLoop; 195] = [
     ("turbid/means.wgsl", "mean_curvature", "for (var i = 0; i < 4; i++)", "a constant"),
     ("refract/opaque_fluids.wgsl", "opaque_fluid_ahead", "for (var i = 0u; i <= SAMPLED; i++)", "a constant"),
     ("refract/opaque_fluids.wgsl", "opaque_fluid_ahead", "for (var i = 0u; i < REFINEMENTS; i++)", "a constant"),
-    ("turbid/means.wgsl", "average", "for (var i = 0; i < 16; i++)", "a constant"),
     ("turbid/means.wgsl", "spread", "for (var i = 0; i < 9; i++)", "a constant"),
-    ("shade/means.wgsl", "average", "for (var i = 0; i < 16; i++)", "a constant"),
+    ("shade/averages.wgsl", "add", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("shade/averages.wgsl", "average", "for (var i = 0; i < 16; i++)", "a constant"),
+    ("shade/averages.wgsl", "average", "for (var i = 0; i < 4; i++)", "a constant"),
     ("mixture/sums.wgsl", "draw", "for (var base = entries.begin; base < entries.inner_end; base += THREADS)", "the splats of a tile's list"),
     ("mixture/sums.wgsl", "draw", "for (var k = 0u; k < min(THREADS, entries.inner_end - base); k++)", "the splats of a tile's list"),
     ("mixture/sums.wgsl", "draw", "for (var i = entries.begin; i < entries.inner_end; i++)", "the splats of a tile's list"),
