@@ -67,24 +67,57 @@ fn lights_scattered(interval: LitInterval) -> vec3f {
     return sum;
 }
 
+// Light of a sun or lamp at a place in level liquid, by straight ways through its surface.
+struct Beam {
+    to_light: ToLight,
+    inside: vec3f,   // its direction there
+    cos_i: f32,      // with the normal, of the light outside
+    cos_t: f32,      // and inside; negative if it does not enter
+    irradiance: f32, // on what faces it, of unit power, without extinction
+}
+
+// At `x` below the plane at `entry`. A lamp's way meets the plane at about its apparent depth.
+fn beam_at(index: u32, x: vec3f, entry: vec3f, normal: vec3f) -> Beam {
+    let light = lights[index];
+    var at = entry;
+    var beam: Beam;
+    if light.kind != SUN {
+        let below = max(dot(entry - x, normal), 0.0) / params.ior;
+        let above = max(dot(light.place - entry, normal), 0.0);
+        let foot = x + dot(entry - x, normal) * normal;
+        let lamp_foot = light.place + dot(entry - light.place, normal) * normal;
+        at = mix(foot, lamp_foot, below / max(above + below, 1e-20));
+    }
+    beam.to_light = light_from(light, at);
+    beam.cos_i = max(dot(normal, beam.to_light.direction), 0.05);
+    beam.cos_t = optics_cos_transmitted(beam.cos_i, params.ior);
+    beam.inside = -optics_refract(-beam.to_light.direction, normal, beam.cos_i, beam.cos_t, params.ior);
+    let ratio = beam.cos_i / beam.cos_t;
+    let enters = 1.0 - optics_fresnel(beam.cos_i, beam.cos_t, params.ior);
+    let spread = spread_within(light, beam.to_light, ratio, vec3f(distance(at, x))).x;
+    beam.irradiance = enters * ratio / (beam.to_light.distance2 * spread);
+    return beam;
+}
+
+// Factor by which a lamp's light spreads on its way of `length` inside, in the plane of incidence and across it; 1 of a sun.
+fn spread_within(light: Light, to_light: ToLight, ratio: f32, length: vec3f) -> vec3f {
+    let far = select(length / (params.ior * sqrt(to_light.distance2)), vec3f(0.0), light.kind == SUN);
+    return (1.0 + far) * (1.0 + ratio * ratio * far);
+}
+
 fn light_scattered(index: u32, interval: LitInterval) -> vec3f {
     let end = interval.o + interval.length * interval.d;
-    let to_light = light_from(lights[index], interval.o);
-    let from_near = dot(interval.near, to_light.direction);
-    let from_far = select(dot(interval.far, to_light.direction), 0.0, interval.wet);
-    let is_near = from_near > 0.0;
-    let normal = select(interval.far, interval.near, is_near);
-    let cos_i = max(select(from_far, from_near, is_near), 0.05);
-    let cos_t = optics_cos_transmitted(cos_i, params.ior);
+    let is_near = dot(interval.near, light_from(lights[index], interval.o).direction) > 0.0;
     let entry = select(end, interval.o, is_near);
-    if cos_t < 0.0 || in_shadow(entry, normal, to_light, 0.0) {
+    let normal = select(interval.far, interval.near, is_near);
+    let beam = beam_at(index, entry, entry, normal);
+    let is_lit = is_near || (!interval.wet && dot(normal, beam.to_light.direction) > 0.0);
+    if !is_lit || beam.cos_t < 0.0 || in_shadow(entry, normal, beam.to_light, 0.0) {
         return vec3f(0.0);
     }
-    let enters = 1.0 - optics_fresnel(cos_i, cos_t, params.ior);
-    let inside = -optics_refract(-to_light.direction, normal, cos_i, cos_t, params.ior);
-    let power = lights[index].power * enters / to_light.distance2;
-    // A view along unrefracted light shows longer ways.
-    let shortened = select(cos_i / cos_t, 1.0, lights[index].map == 1u && lights[index].straight > 0u);
+    let power = lights[index].power;
+    // A view along unrefracted light shows longer or shorter ways.
+    let is_straight = lights[index].map == 1u && lights[index].straight > 0u;
     let extinction = interval.extinction;
 
     // Once, at places in the middle of even shares of what the interval takes from green light.
@@ -93,23 +126,30 @@ fn light_scattered(index: u32, interval: LitInterval) -> vec3f {
     var once = vec3f(0.0);
     for (var k = 0u; k < LIT_PLACES; k++) {
         let at = -log(1.0 - (f32(k) + 0.5) / f32(LIT_PLACES) * taken) / rate;
-        let depth = shortened * depth_in_light(index, interval.o + at * interval.d);
-        once += exp(rate * at - extinction * (at + depth)) * taken / rate;
+        let x = interval.o + at * interval.d;
+        let arrives = beam_at(index, x, entry, normal);
+        let cos_view = dot(normal, light_from(lights[index], x).direction);
+        let depth = depth_in_light(index, x) * select(max(cos_view, 0.05) / arrives.cos_t, 1.0, is_straight);
+        let scattered = arrives.irradiance * phase(dot(arrives.inside, interval.d));
+        once += scattered * exp(rate * at - extinction * (at + depth)) * taken / rate;
     }
-    let beam = power * cos_i / cos_t;
-    let scattering = extinction * interval.albedo;
-    let single = beam * scattering * phase(dot(inside, interval.d)) * once / f32(LIT_PLACES);
+    let single = power * extinction * interval.albedo * once / f32(LIT_PLACES);
 
     // More than once, below the surface that the light enters by.
     let thickness = extinction * interval.length * interval.cosine;
     let slab = slab_light(SCATTERED_AGAIN, thickness, interval.cosine, interval.albedo);
-    let along = slab_light(SCATTERED_AGAIN, thickness, cos_t, interval.albedo);
+    let along = slab_light(SCATTERED_AGAIN, thickness, beam.cos_t, interval.albedo);
     let mean = slab_light(SCATTERED_AGAIN, thickness, MEAN_COSINE, interval.albedo);
     let of_near = select(slab.near, slab.near_wet, interval.wet) * along.near / max(mean.near, vec3f(1e-6));
     let share = select(slab.far, of_near, is_near);
     let hidden = max(depth_in_light(index, entry) - interval.radius, 0.0);
     let lit = exp(-extinction * (1.0 - interval.albedo * params.anisotropy) * hidden);
-    let flux = power * select(max(from_far, 0.0), from_near, is_near) / (3.1415927 * params.mean_transmittance);
-    let again = params.ior * params.ior * share * flux * lit * (1.0 - exp(-extinction * interval.length));
+    let flux = power * beam.irradiance * beam.cos_t / (3.1415927 * params.mean_transmittance);
+    // About one transport mean free path deep.
+    let path = 1.0 / max(extinction * (1.0 - interval.albedo * params.anisotropy), vec3f(1e-6));
+    let deep = min(path, vec3f(0.5 * interval.length * interval.cosine));
+    let spread = spread_within(lights[index], beam.to_light, beam.cos_i / beam.cos_t, deep);
+    let removed = 1.0 - exp(-extinction * interval.length);
+    let again = params.ior * params.ior * share * flux * lit * removed / spread;
     return single + again;
 }

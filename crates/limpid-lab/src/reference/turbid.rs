@@ -62,19 +62,37 @@ pub fn radiance_along(
     sum / f64::from(samples)
 }
 
-/// Uniform numbers (`SplitMix64`, S. Vigna 2015).
-struct Random(u64);
+/// Random numbers of a path (`SplitMix64`, S. Vigna 2015).
+#[derive(Debug, Clone)]
+pub struct Random(u64);
 
 impl Random {
-    fn new(stream: u64) -> Self {
+    /// The numbers of a stream.
+    pub fn new(stream: u64) -> Self {
         Self(stream.wrapping_mul(0xd134_2543_de82_ef95))
     }
 
-    fn unit(&mut self) -> f64 {
+    /// A uniform number from 0 to 1, 1 excluded.
+    pub fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// The direction of light of direction `d` after scattering of mean cosine `g`, after Henyey and Greenstein.
+    pub fn scattered(&mut self, d: DVec3, g: f64) -> DVec3 {
+        let xi = self.unit();
+        let cos = if g.abs() < 1e-4 {
+            2.0 * xi - 1.0
+        } else {
+            let part = (1.0 - g * g) / (1.0 - g + 2.0 * g * xi);
+            (1.0 + g * g - part * part) / (2.0 * g)
+        };
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let (across, up) = d.any_orthonormal_pair();
+        let (y, x) = (TAU * self.unit()).sin_cos();
+        (cos * d + sin * (x * across + y * up)).normalize()
     }
 }
 
@@ -162,23 +180,8 @@ impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
         let density = self.extinction * passed(length);
         *weight *= self.scattering * passed(length) / (density.element_sum() / 3.0);
         ray.origin = ray.at(length);
-        ray.direction = self.scattered(ray.direction, random);
+        ray.direction = random.scattered(ray.direction, self.anisotropy);
         true
-    }
-
-    /// A random direction after scattering.
-    fn scattered(&self, d: DVec3, random: &mut Random) -> DVec3 {
-        let (g, xi) = (self.anisotropy, random.unit());
-        let cos = if g.abs() < 1e-4 {
-            2.0 * xi - 1.0
-        } else {
-            let part = (1.0 - g * g) / (1.0 - g + 2.0 * g * xi);
-            (1.0 + g * g - part * part) / (2.0 * g)
-        };
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let (across, up) = d.any_orthonormal_pair();
-        let (y, x) = (TAU * random.unit()).sin_cos();
-        (cos * d + sin * (x * across + y * up)).normalize()
     }
 
     /// As the clear tracer's.
