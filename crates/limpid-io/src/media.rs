@@ -38,12 +38,16 @@ type Row = (MediumName, &'static str, [f32; 3], [f32; 3], f32, f32);
 ///   2001, figure 5; scattering is the reduced σs(1 − g);
 /// - coffee (espresso) and orange juice (powder): Narasimhan et al., Acquiring scattering properties of participating
 ///   media by dilution, 2006, table 2; one mean g with their σs(1 − g);
-/// - muddy river: 0.51 m²/g of scattering and 0.041 exp(−0.0123 (λ − 443 nm)) m²/g of absorption by mineral particles
-///   (Babin et al. 2003), in pure water (Pope and Fry 1997);
-/// - sea: Petzold 1972, coast of San Diego, 0.179 and 0.219 1/m at 514 nm, with pure water's share of the absorption,
-///   the rest as exp(−0.014 λ/nm), scattering as 1/λ; g of his mean particle phase function (Mobley 1994);
+/// - muddy river: 0.51 m²/g of scattering, the mean of coastal particles at 555 nm (Babin, Morel et al., Light
+///   scattering properties of marine particles, 2003), and 0.041 exp(−0.0123 (λ − 443 nm)) m²/g of absorption by
+///   particles that are not algae (Babin, Stramski et al., Variations in the light absorption coefficients, 2003), in
+///   pure water (Pope and Fry 1997);
+/// - sea: the coastal water of San Pedro Channel (Petzold 1972), 0.179 and 0.219 1/m at 514 nm, with pure water's share
+///   of the absorption, the rest as exp(−0.014 λ/nm), scattering as 1/λ; g of his mean particle phase function
+///   (Mobley 1994);
 /// - blood: 150 g/l of oxyhaemoglobin (Prahl 1999); scattering and g after Bosschaart et al. 2014;
-/// - honey: 40 mm on Pfund's scale (White 1984), with a slope of exp(−0.012 λ/nm); clear.
+/// - honey: 40 mm on Pfund's scale, which is −38.7 + 371.39 times the absorbance at 635 nm of 1 cm of a solution of
+///   50 g in 100 ml (White 1984), with a slope of exp(−0.012 λ/nm); clear.
 const TABLE: [Row; 8] = {
     use MediumName as M;
     [
