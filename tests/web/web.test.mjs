@@ -536,31 +536,57 @@ rare("three lines of HTML put a view into another page", async () => {
   });
 });
 
-test("pictures are those of the program, within the tolerances of limpid check", async (t) => {
+/** Checks pictures that the page drew of scenes (paths by name) against the program's. */
+async function alike(t, folder, scenes, samples, size) {
   // The page's pictures are the expected ones of a suite that the program draws. Its tolerances for adapters that it does
   // not know: mean FLIP 0.01, the 99th percentile 0.2.
-  const size = [160, 120];
-  const scenes = { demo: 4, drop: 1, slab: 1, vase: 4, glass_ball: 1 };
   const suite = (name, frames) => {
-    const frame = ([name, input]) => `[[frame]]\nname = "${name}"\ninput = ${JSON.stringify(join(root, input))}\n`;
+    const frame = ([name, input]) => `[[frame]]\nname = "${name}"\ninput = ${JSON.stringify(input)}\n`;
     return writeFile(join(work, `${name}.toml`), `size = [${size}]\n${frames.map(frame).join("")}`);
   };
   const check = (name) => run(limpid, ["check", `${name}.toml`, "--out", `${name}-check`], { cwd: work });
-  await mkdir(join(work, "alike"));
-  for (const [name, samples] of Object.entries(scenes)) {
-    await visit(`?scene=/sims/${name}.toml`, async (page) => {
+  await mkdir(join(work, folder));
+  const names = Object.keys(scenes);
+  for (const name of names) {
+    await visit(`?scene=${scenes[name].url}`, async (page) => {
       await shows(page, particles);
-      await writeFile(join(work, "alike", `${name}.png`), await save(page, "picture.png", size, samples));
+      await writeFile(join(work, folder, `${name}.png`), await save(page, "picture.png", size, samples(name)));
     });
   }
-  await suite("alike", Object.keys(scenes).map((name) => [name, `sims/${name}.toml`]));
-  const { stdout } = await check("alike");
+  await suite(folder, names.map((name) => [name, scenes[name].path]));
+  const { stdout } = await check(folder);
   stdout.split("\n").forEach((line) => t.diagnostic(line));
-  // A picture of another liquid is not within them.
-  await mkdir(join(work, "other"));
-  await writeFile(join(work, "other/demo.png"), await readFile(join(work, "alike/drop.png")));
-  await suite("other", [["demo", "sims/demo.toml"]]);
-  await assert.rejects(check("other"), ({ stdout }) => /FAILED {2}demo/.test(stdout));
+  // A picture of another scene is not within them.
+  const [first, second] = names;
+  const other = `${folder}-other`;
+  await mkdir(join(work, other));
+  await writeFile(join(work, other, `${first}.png`), await readFile(join(work, folder, `${second}.png`)));
+  await suite(other, [[first, scenes[first].path]]);
+  await assert.rejects(check(other), ({ stdout }) => stdout.includes(`FAILED  ${first}`));
+}
+
+test("pictures are those of the program, within the tolerances of limpid check", async (t) => {
+  const samples = { demo: 4, drop: 1, slab: 1, vase: 4, glass_ball: 1 };
+  const scene = (name) => [name, { url: `/sims/${name}.toml`, path: join(root, `sims/${name}.toml`) }];
+  const scenes = Object.fromEntries(Object.keys(samples).map(scene));
+  await alike(t, "alike", scenes, (name) => samples[name], [160, 120]);
+});
+
+rare("colours of data, opaque bodies and milk are those of the program", async (t) => {
+  const file = "ParticleData_Fluid_40.bgeo";
+  await writeFile(join(work, file), await readFile(join(root, "tests/data/double_dam_break", file)));
+  const liquids = {
+    speed: 'color_by = "velocity"\ncolormap = "turbo"\ncolor_range = [0.0, 3.0]',
+    paint: 'kind = "opaque"\ncolor = [0.8, 0.2, 0.1]\nroughness = 0.2',
+    milk: "scattering = [60.0, 70.0, 80.0]\nabsorption = [0.1, 0.2, 0.5]",
+  };
+  const scenes = {};
+  for (const [name, liquid] of Object.entries(liquids)) {
+    const path = join(work, `${name}.toml`);
+    await writeFile(path, `[particles]\nsource = "${file}"\n[liquid]\n${liquid}\n`);
+    scenes[name] = { url: `/made/${name}.toml`, path };
+  }
+  await alike(t, "kinds", scenes, () => 1, [160, 120]);
 });
 
 rare("40,000 particles play, and 1,000,000 open", async (t) => {
