@@ -24,9 +24,11 @@ def register():
         bpy.utils.register_class(kind)
     bpy.types.Scene.limpid = bpy.props.PointerProperty(type=LimpidSettings)
     panel.share_panels(True)
+    bpy.app.handlers.render_init.append(engine.begin)
 
 
 def unregister():
+    bpy.app.handlers.render_init.remove(engine.begin)
     panel.share_panels(False)
     del bpy.types.Scene.limpid
     for kind in reversed(_CLASSES):

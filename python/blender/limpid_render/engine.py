@@ -8,13 +8,24 @@ import numpy as np
 from bpy_extras.io_utils import ExportHelper
 
 from . import particles
+from .axes import particles_y_up
 from .errors import Problem, line, line_of
+from .report import Report
 
 # The renderer, whose pipelines serve all pictures: opened for the first.
 _renderer = None
 
 # Radii that were estimated, by file.
 _radii = {}
+
+# What is drawn otherwise than by Blender's own engines; said once, and again by the next render.
+_report = Report()
+
+
+@bpy.app.handlers.persistent
+def begin(*_):
+    """Begins a render, of one picture or of many; Blender calls it."""
+    _report.forget()
 
 
 def close():
@@ -49,14 +60,15 @@ class LimpidEngine(bpy.types.RenderEngine):
             size = (self.resolution_x, self.resolution_y)
             camera = self.camera_override or scene.camera
             self.update_stats("limpid", "Translating the scene")
-            translation = translate.translate(depsgraph, camera, size)
-            for note in translation.notes:
-                self.report({"WARNING"}, note)
+            translation = translate.translate(depsgraph, camera, size, _report)
             if LimpidEngine.save_to is not None:
                 frame = scene.frame_current
                 save.save_scene(LimpidEngine.save_to, translation, scene.limpid, frame)
             else:
                 self._draw(depsgraph, translation, translate)
+            said = _report.take()
+            if said:
+                self.report({"WARNING"}, said)
         except Exception as error:
             # Blender would print a traceback, and save a black picture.
             self.report({"ERROR"}, line_of(error))
@@ -68,7 +80,9 @@ class LimpidEngine(bpy.types.RenderEngine):
         settings = scene.limpid
         file = particles.file_of_frame(settings, scene.frame_current)
         self.update_stats("limpid", f"Reading {os.path.basename(file)}")
-        liquid = translate.particles_y_up(limpid.read(file), settings.up)
+        liquid = limpid.read(file)
+        if settings.up == "Z":
+            liquid = particles_y_up(liquid)
         if self.test_break():
             return
         self.update_stats("limpid", f"Drawing {len(liquid)} particles")
@@ -87,7 +101,7 @@ class LimpidEngine(bpy.types.RenderEngine):
             radiance = picture.radiance
         for warning in caught:
             if issubclass(warning.category, limpid.LimpidWarning):
-                self.report({"WARNING"}, line(warning.message))
+                _report.add(line(warning.message))
         if not self.test_break():
             self._show(radiance, depsgraph)
 

@@ -1,20 +1,16 @@
-"""From Blender's scene to that of limpid.
+"""From Blender's scene to that of limpid. The report tells what limpid has no counterpart for."""
 
-Blender has z up and limpid y up: (x, y, z) becomes (x, z, -y). A unit of Blender is a metre. What
-limpid has no counterpart for is left out and noted, one line each.
-"""
-
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import limpid
 import numpy as np
 
+from .axes import Y_UP
 from .errors import Problem
-from .shading import Map, surface, world_light
-
-# limpid's world from Blender's.
-Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+from .lights import light_of, strongest
+from .omissions import say_of_object, say_of_scene
+from .shading import look_of
+from .world import Map, world_light
 
 
 @dataclass
@@ -48,24 +44,24 @@ class Translation:
     lights: list
     environment: tuple[float, float, float] | Map
     shapes: list[Shape]
-    notes: list[str] = field(default_factory=list)
 
 
-def translate(depsgraph, camera, size):
+def translate(depsgraph, camera, size, report):
     """Translates an evaluated scene, seen by the object `camera` in a picture of `size` pixels."""
-    notes = []
+    seen = _camera(depsgraph, camera, size)
+    say_of_scene(depsgraph, camera, report)
     lights, found = [], []
     for instance in depsgraph.object_instances:
+        thing = instance.object
         if not instance.show_self:
             continue
-        if instance.object.type == "LIGHT":
-            light = _light(instance, notes)
-            if light is not None:
-                lights.append(light)
-        elif instance.object.type == "MESH":
+        say_of_object(thing, report)
+        if thing.type == "LIGHT":
+            lights.append((thing.name, light_of(instance, report)))
+        elif thing.type == "MESH":
             # Blender gives the surfaces of curves, texts and metaballs as instances of meshes too.
-            found += _shapes(instance, notes)
-    environment = world_light(depsgraph.scene.world, notes)
+            found += _shapes(instance, report)
+    environment = world_light(depsgraph.scene.world, report)
     for shape, emits in found:
         shape.lit = bool(lights) and not emits
         if not lights and not emits:
@@ -73,9 +69,9 @@ def translate(depsgraph, camera, size):
             # on what a white surface would receive on average, as limpid's lit ones do.
             shape.colors = shape.colors * _mean(environment)
         if shape.color_of is not None and shape.colors.max() > 1.0:
-            notes.append(f"{shape.name}: its colours end at 1, as it has several materials")
+            report.add("colours end at 1, as the object has several materials", shape.name)
     shapes = [shape for shape, _ in found]
-    return Translation(_camera(depsgraph, camera, size), lights, environment, shapes, notes)
+    return Translation(seen, strongest(lights, report), environment, shapes)
 
 
 def scene_of(translation, settings, solids):
@@ -125,19 +121,6 @@ def palette_coordinates(shape):
     return np.stack([across, np.full_like(across, 0.5)], axis=1)
 
 
-def particles_y_up(particles, up):
-    """Particles in limpid's world, from a file whose `up` axis points up."""
-    if up == "Z":
-        for name in ("positions", "velocities"):
-            rows = getattr(particles, name)
-            if rows is not None:
-                setattr(particles, name, rows @ Y_UP.T.astype(rows.dtype))
-        if particles.ellipsoids is not None:
-            turn = Y_UP.astype(particles.ellipsoids.dtype)
-            particles.ellipsoids = turn @ particles.ellipsoids
-    return particles
-
-
 def _camera(depsgraph, camera, size):
     if camera is None:
         raise Problem("the scene has no camera")
@@ -166,33 +149,7 @@ def camera_of(camera):
     return limpid.Camera.from_matrices(camera.view, camera.projection, opengl=True)
 
 
-def _light(instance, notes):
-    light = instance.object.data
-    power = np.array(light.color) * light.energy
-    if getattr(light, "use_temperature", False):
-        power = power * np.array(light.temperature_color)
-    power = power * 2.0 ** getattr(light, "exposure", 0.0)
-    power = np.maximum(power, 0.0)
-    normalize = getattr(light, "normalize", True)
-    matrix = np.array(instance.matrix_world)
-    if light.type == "SUN":
-        # The strength is the irradiance of a surface that faces the sun, W/m². Without `normalize`
-        # it is the radiance of its disc, whose solid angle, weighted by the cosine, is below.
-        if not normalize:
-            power = power * math.pi * math.sin(0.5 * light.angle) ** 2
-        return limpid.Sun(tuple(Y_UP @ -matrix[:3, 2]), tuple(power))
-    if light.type == "POINT":
-        # The power P is that of a sphere that sends P / 4π W/sr everywhere, as the exporter to
-        # glTF has it and Cycles draws it: a white floor h below sends P / (4π² h²) W/(m² sr).
-        # Without `normalize` the power is that of each square metre of the sphere.
-        if not normalize:
-            power = power * 4.0 * math.pi * light.shadow_soft_size**2
-        return limpid.PointLight(tuple(Y_UP @ matrix[:3, 3]), tuple(power / (4.0 * math.pi)))
-    notes.append(f"light {instance.object.name}: left out, limpid has suns and point lights")
-    return None
-
-
-def _shapes(instance, notes):
+def _shapes(instance, report):
     """The surface of an object and whether its colours are light: two parts if only some are."""
     thing = instance.object
     mesh = thing.data
@@ -211,9 +168,9 @@ def _shapes(instance, notes):
         # A mirrored mesh would be inside out.
         faces = faces[:, ::-1]
     slots = np.clip(slots, 0, len(materials) - 1)
-    surfaces = [surface(material, notes) for material in materials]
-    emits = np.array([emits for _, emits in surfaces])
-    colors = np.array([color for color, _ in surfaces])
+    looks = [look_of(material, thing.name, report) for material in materials]
+    emits = np.array([look.emits for look in looks])
+    colors = np.array([look.color for look in looks])
     parts = []
     for part in np.unique(emits[slots]):
         chosen = emits[slots] == part

@@ -14,7 +14,7 @@ import pytest
 
 import limpid
 
-from blender_tools import ADDON, DAM, flood, light, render
+from blender_tools import ADDON, DAM, flood, render
 
 # After the tools, which skip these tests without it.
 import bpy
@@ -105,13 +105,6 @@ def test_a_scene_that_cannot_be_saved_is_reported(scene, tmp_path, capfd):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["away"]
     # The next render draws again.
     render(scene, tmp_path / "picture.png")
-
-
-def test_what_is_left_out_is_reported(scene, tmp_path, capfd):
-    flood(scene)
-    light(scene, "AREA", 10).name = "panel"
-    render(scene, tmp_path / "picture.png")
-    assert "panel: left out, limpid has suns and point lights" in "".join(capfd.readouterr())
 
 
 def test_blender_without_limpid_says_so(scene, tmp_path, capfd, monkeypatch):
