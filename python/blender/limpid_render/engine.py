@@ -1,39 +1,39 @@
 """The render engine, and the operator that saves what it would draw."""
 
-import os
-import warnings
+import sys
 
 import bpy
 import numpy as np
 from bpy_extras.io_utils import ExportHelper
 
-from . import particles
-from .axes import particles_y_up
-from .errors import Problem, line, line_of
+from . import passes
+from .errors import Problem, Stopped, line, line_of
 from .report import Report
-
-# The renderer, whose pipelines serve all pictures: opened for the first.
-_renderer = None
-
-# Radii that were estimated, by file.
-_radii = {}
 
 # What is drawn otherwise than by Blender's own engines; said once, and again by the next render.
 _report = Report()
+
+# Shares of a picture's time that are shown as done before it is drawn, and after.
+_BEFORE, _AFTER = 0.05, 0.95
 
 
 @bpy.app.handlers.persistent
 def begin(*_):
     """Begins a render, of one picture or of many; Blender calls it."""
     _report.forget()
+    if _drawing() is not None:
+        _drawing().forget()
 
 
 def close():
     """Closes the renderer, if one is open."""
-    global _renderer
-    if _renderer is not None:
-        _renderer.close()
-        _renderer = None
+    if _drawing() is not None:
+        _drawing().close()
+
+
+def _drawing():
+    """The module that draws, which only exists with limpid and after the first picture."""
+    return sys.modules.get(f"{__package__}.drawing")
 
 
 class LimpidEngine(bpy.types.RenderEngine):
@@ -50,77 +50,101 @@ class LimpidEngine(bpy.types.RenderEngine):
     def render(self, depsgraph):
         """Draws a view layer; Blender calls it."""
         try:
-            try:
-                from . import save, translate
-            except ModuleNotFoundError as error:
-                raise Problem(
-                    f"Blender's Python has no module {error.name}: install limpid there"
-                ) from error
-            scene = depsgraph.scene
-            size = (self.resolution_x, self.resolution_y)
-            camera = self.camera_override or scene.camera
-            self.update_stats("limpid", "Translating the scene")
-            translation = translate.translate(depsgraph, camera, size, _report)
-            if LimpidEngine.save_to is not None:
-                frame = scene.frame_current
-                save.save_scene(LimpidEngine.save_to, translation, scene.limpid, frame)
-            else:
-                self._draw(depsgraph, translation, translate)
-            said = _report.take()
-            if said:
-                self.report({"WARNING"}, said)
+            self._render(depsgraph)
+        except Stopped:
+            return
+        except ModuleNotFoundError as error:
+            missing = Problem(f"Blender's Python has no module {error.name}: install limpid there")
+            self.report({"ERROR"}, line_of(missing))
         except Exception as error:
             # Blender would print a traceback, and save a black picture.
             self.report({"ERROR"}, line_of(error))
 
-    def _draw(self, depsgraph, translation, translate):
-        import limpid
+    def _render(self, depsgraph):
+        from . import save, translate
 
-        scene = depsgraph.scene
+        camera = self.camera_override or depsgraph.scene.camera
+        size = (self.resolution_x, self.resolution_y)
+        self._step(0.0, "Translating the scene")
+        cameras = None
+        if depsgraph.view_layer.use_pass_vector and self.save_to is None:
+            cameras = self._cameras(depsgraph, camera, size)
+        translation = translate.translate(depsgraph, camera, size, _report)
+        if self.save_to is not None:
+            save.save_scene(self.save_to, translation, depsgraph, _report)
+        else:
+            self._draw(depsgraph, translation, cameras or [translation.camera])
+        said = _report.take()
+        if said:
+            self.report({"WARNING"}, said)
+
+    def update_render_passes(self, scene, renderlayer):
+        """Tells which passes a view layer gets; Blender calls it."""
+        for name, channels, letters, kind in passes.offered(renderlayer):
+            self.register_pass(scene, renderlayer, name, channels, letters, kind)
+
+    def _step(self, share, text):
+        """Shows the next step, unless the user has asked to stop."""
+        self.update_stats("limpid", text)
+        if self._watch(share):
+            raise Stopped
+
+    def _watch(self, share):
+        """Shows the share that is done; returns whether the user has asked to stop."""
+        self.update_progress(share)
+        return self.test_break()
+
+    def _draw(self, depsgraph, translation, cameras):
+        from . import drawing, source, translate
+
+        scene, layer = depsgraph.scene, depsgraph.view_layer
         settings = scene.limpid
-        file = particles.file_of_frame(settings, scene.frame_current)
-        self.update_stats("limpid", f"Reading {os.path.basename(file)}")
-        liquid = limpid.read(file)
-        if settings.up == "Z":
-            liquid = particles_y_up(liquid)
-        if self.test_break():
-            return
-        self.update_stats("limpid", f"Drawing {len(liquid)} particles")
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", limpid.LimpidWarning)
-            solids = [translate.solid_of(shape) for shape in translation.shapes]
-            picture = _open_renderer().render(
-                liquid,
-                radius=_radius(settings, liquid),
-                scene=translate.scene_of(translation, settings, solids),
-                camera=translate.camera_of(translation.camera),
-                size=translation.camera.size,
-                samples=settings.samples,
-                alpha=scene.render.film_transparent,
-            )
-            radiance = picture.radiance
-        for warning in caught:
-            if issubclass(warning.category, limpid.LimpidWarning):
-                _report.add(line(warning.message))
-        if not self.test_break():
-            self._show(radiance, depsgraph)
+        self._step(0.5 * _BEFORE, f"Reading {source.name_of(settings, scene.frame_current)}")
+        liquid = source.liquid_of(depsgraph, _report)
+        drawn = f"Drawing {len(liquid.particles)} particles"
+        self._step(_BEFORE, drawn)
+        picture, radiance = drawing.draw(
+            liquid,
+            settings,
+            lambda share: self._watch(_BEFORE + (_AFTER - _BEFORE) * share),
+            _report,
+            scene=translate.scene_of(translation, settings),
+            camera=translate.camera_of(translation.camera),
+            size=translation.camera.size,
+            aovs=passes.images(layer),
+            alpha=scene.render.film_transparent,
+        )
+        self._step(_AFTER, "Making the passes")
+        rate = scene.render.fps / scene.render.fps_base
+        self._show(passes.made(layer, picture, radiance, cameras, rate), scene.render, layer)
 
-    def _show(self, radiance, depsgraph):
-        """Hands the part of the picture to Blender that it asks for, rows from the bottom."""
-        pixels = np.ones((*radiance.shape[:2], 4), np.float32)
-        pixels[..., : radiance.shape[2]] = radiance
-        pixels = pixels[::-1]
-        render = depsgraph.scene.render
+    def _show(self, made, render, layer):
+        """Hands the part of the passes to Blender that it asks for, rows from the bottom."""
+        height, width = made["Combined"].shape[:2]
+        rows, columns = slice(0, height), slice(0, width)
         if render.use_border:
             # All of it was drawn: rays inside the liquid know nothing outside the picture.
-            pixels = pixels[
-                _between(render.border_min_y, render.border_max_y, pixels.shape[0]),
-                _between(render.border_min_x, render.border_max_x, pixels.shape[1]),
-            ]
-        height, width = pixels.shape[:2]
-        result = self.begin_result(0, 0, width, height, layer=depsgraph.view_layer.name)
-        result.layers[0].passes["Combined"].rect.foreach_set(pixels.ravel())
+            rows = _between(render.border_min_y, render.border_max_y, height)
+            columns = _between(render.border_min_x, render.border_max_x, width)
+        width, height = len(range(width)[columns]), len(range(height)[rows])
+        result = self.begin_result(0, 0, width, height, layer=layer.name)
+        for name, pixels in made.items():
+            part = np.ascontiguousarray(pixels[::-1][rows, columns], np.float32)
+            result.layers[0].passes[name].rect.foreach_set(part.ravel())
         self.end_result(result)
+
+    def _cameras(self, depsgraph, camera, size):
+        """The cameras of this, the last and the next frame."""
+        from . import translate
+
+        scene = depsgraph.scene
+        frame, part = scene.frame_current, scene.frame_subframe
+        found = []
+        for other in (frame - 1, frame + 1, frame):
+            self.frame_set(other, part)
+            found.append(translate.camera_at(depsgraph, camera, size))
+        last, following, now = found
+        return now, last, following
 
 
 class SaveScene(bpy.types.Operator, ExportHelper):
@@ -155,26 +179,3 @@ def _between(low, high, size):
     return slice(int(np.float32(low) * np.float32(size)), int(np.float32(high) * np.float32(size)))
 
 
-def _open_renderer():
-    import limpid
-
-    global _renderer
-    if _renderer is None:
-        _renderer = limpid.Renderer()
-    return _renderer
-
-
-def _radius(settings, liquid):
-    """The radius to draw with; `None` where the particles have theirs."""
-    import limpid
-
-    if settings.radius > 0.0:
-        return settings.radius
-    if liquid.radii is not None or liquid.radius is not None:
-        return None
-    # Estimated once for all frames of a sequence, or the liquid would swell and shrink.
-    file = particles.first_file(settings)
-    key = (file, os.stat(file).st_mtime_ns)
-    if key not in _radii:
-        _radii[key] = _open_renderer().render(limpid.read(file), size=(16, 16)).radius
-    return _radii[key]

@@ -5,6 +5,10 @@ class Problem(Exception):
     """A scene or a file that cannot be drawn, for a reason that its user can remove."""
 
 
+class Stopped(Exception):
+    """The user has asked to stop."""
+
+
 def line(text):
     """A text as one line, since Blender reports lines."""
     return " ".join(str(text).split())

@@ -37,7 +37,9 @@ class RENDER_PT_limpid_particles(_Panel):
         settings = context.scene.limpid
         if importlib.util.find_spec("limpid") is None:
             layout.label(text="Blender's Python has no limpid", icon="ERROR")
-        for name in ("particles", "offset", "radius", "up"):
+        layout.prop(settings, "source", expand=True)
+        of_file = ("particles", "offset", "radius", "up")
+        for name in of_file if settings.source == "FILE" else ("object", "radius"):
             layout.prop(settings, name)
 
 
@@ -51,6 +53,10 @@ class RENDER_PT_limpid_liquid(_Panel):
         layout.prop(settings, "ior")
         layout.prop(settings, "tint", expand=True)
         layout.prop(settings, "absorption" if settings.tint == "ABSORPTION" else "color")
+        layout.prop(settings, "attribute")
+        if settings.attribute:
+            layout.prop(settings, "colormap")
+            layout.prop(settings, "range")
 
 
 class RENDER_PT_limpid_picture(_Panel):
@@ -64,7 +70,24 @@ class RENDER_PT_limpid_picture(_Panel):
         layout.operator(SaveScene.bl_idname)
 
 
-CLASSES = (RENDER_PT_limpid_particles, RENDER_PT_limpid_liquid, RENDER_PT_limpid_picture)
+class VIEWLAYER_PT_limpid_passes(_Panel):
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        column = layout.column(heading="Include")
+        for name in ("use_pass_z", "use_pass_normal", "use_pass_vector"):
+            column.prop(context.view_layer, name)
+
+
+CLASSES = (
+    RENDER_PT_limpid_particles,
+    RENDER_PT_limpid_liquid,
+    RENDER_PT_limpid_picture,
+    VIEWLAYER_PT_limpid_passes,
+)
 
 
 def share_panels(shared):

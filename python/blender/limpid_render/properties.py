@@ -1,12 +1,38 @@
 """Properties of a scene's liquid."""
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
+from bpy.props import (
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+_COLORMAPS = ("Viridis", "Plasma", "Inferno", "Magma", "Cividis", "Turbo", "Coolwarm", "Spectral")
 
 
 class LimpidSettings(bpy.types.PropertyGroup):
     """Settings of limpid, one group for each scene."""
 
+    source: EnumProperty(
+        name="Source",
+        description="Where the particles of the liquid come from",
+        items=[
+            ("FILE", "Files", "Particle files of a simulation"),
+            ("OBJECT", "Object", "An object's particle systems, points, instances or vertices"),
+        ],
+        default="FILE",
+    )
+    object: PointerProperty(
+        name="Object",
+        description=(
+            "Its particle systems are the liquid; else what Geometry Nodes make: points, instances; "
+            "else its vertices. Its surface is not drawn"
+        ),
+        type=bpy.types.Object,
+    )
     particles: StringProperty(
         name="Particles",
         description=(
@@ -65,6 +91,25 @@ class LimpidSettings(bpy.types.PropertyGroup):
         default=(0.3, 0.7, 0.89),
         min=1e-4,
         max=1.0,
+    )
+    attribute: StringProperty(
+        name="Colour By",
+        description="An attribute of the particles whose values, or colours, the liquid shows",
+    )
+    colormap: EnumProperty(
+        name="Colour Map",
+        description="The colours of the attribute's values",
+        items=[(name.upper(), name, "") for name in _COLORMAPS],
+        default="VIRIDIS",
+    )
+    range: FloatVectorProperty(
+        name="Range",
+        description=(
+            "Values of the first and the last colour; if they are equal, the 2nd to 98th percentile "
+            "of each frame"
+        ),
+        size=2,
+        default=(0.0, 0.0),
     )
     samples: IntProperty(
         name="Samples",

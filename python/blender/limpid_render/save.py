@@ -10,20 +10,30 @@ import bpy
 import limpid
 import numpy as np
 
-from . import particles
+from . import particles, source
 from .errors import Problem
 from .translate import palette, palette_coordinates, scene_of
 
 
-def save_scene(path, translation, settings, frame):
-    """Writes a scene, and its meshes into a folder beside it."""
+def save_scene(path, translation, depsgraph, report):
+    """Writes a scene, its meshes into a folder beside it, and particles of an object."""
+    settings = depsgraph.scene.limpid
     folder = os.path.splitext(path)[0] + "_meshes"
     used = set()
     solids = [_solid(shape, folder, used) for shape in translation.shapes]
     scene_of(translation, settings, solids).save(path)
-    tables = _camera(translation.camera) + _particles(path, settings, frame)
-    with open(path, "a", encoding="utf-8") as file:
-        file.write(tables)
+    if settings.source == "OBJECT":
+        file = os.path.splitext(path)[0] + "_particles.npz"
+        limpid.write(file, source.liquid_of(depsgraph, report).particles)
+        table = {"source": os.path.basename(file), "up": "y"}
+    else:
+        table = _particles(path, settings, depsgraph.scene.frame_current)
+    if settings.radius > 0.0:
+        table["radius"] = settings.radius
+    if settings.attribute:
+        report.add("the saved scene has the colour of the liquid", f"attribute {settings.attribute}")
+    with open(path, "a", encoding="utf-8") as written:
+        written.write(_table("camera", _camera(translation.camera)) + _table("particles", table))
     # Fails if the program could not read it.
     limpid.Scene.load(path)
 
@@ -104,23 +114,25 @@ def _camera(camera):
             focal = (0.5 * width * matrix[0, 0], 0.5 * height * matrix[1, 1])
             middle = (0.5 * width * (1.0 - matrix[0, 2]), 0.5 * height * (1.0 + matrix[1, 2]))
             lens = {"intrinsics": [*focal, *middle], "size": [float(width), float(height)]}
-    table = {"eye": eye, "target": eye - back, "up": up, "near": near, **lens}
-    return "\n[camera]\n" + "".join(f"{key} = {_toml(value)}\n" for key, value in table.items())
+    return {"eye": eye, "target": eye - back, "up": up, "near": near, **lens}
 
 
 def _particles(path, settings, frame):
-    """The particles as a table of a scene file."""
-    source = particles.pattern_of(settings)
+    """The particle files as a table of a scene file."""
+    pattern = particles.pattern_of(settings)
     folder = os.path.dirname(os.path.abspath(path))
     # A path to another drive is not relative.
     with contextlib.suppress(ValueError):
-        source = os.path.relpath(source, folder)
-    table = {"source": source.replace(os.sep, "/"), "up": settings.up.lower()}
+        pattern = os.path.relpath(pattern, folder)
+    table = {"source": pattern.replace(os.sep, "/"), "up": settings.up.lower()}
     if particles.files_of(particles.pattern_of(settings)) is not None:
         table["frame"] = frame - settings.offset
-    if settings.radius > 0.0:
-        table["radius"] = settings.radius
-    return "\n[particles]\n" + "".join(f"{key} = {_toml(value)}\n" for key, value in table.items())
+    return table
+
+
+def _table(name, values):
+    """A table in TOML."""
+    return f"\n[{name}]\n" + "".join(f"{key} = {_toml(value)}\n" for key, value in values.items())
 
 
 def _toml(value):

@@ -10,6 +10,7 @@ from .errors import Problem
 from .lights import light_of, strongest
 from .omissions import say_of_object, say_of_scene
 from .shading import look_of
+from .source import is_source
 from .world import Map, world_light
 
 
@@ -48,12 +49,12 @@ class Translation:
 
 def translate(depsgraph, camera, size, report):
     """Translates an evaluated scene, seen by the object `camera` in a picture of `size` pixels."""
-    seen = _camera(depsgraph, camera, size)
+    seen = camera_at(depsgraph, camera, size)
     say_of_scene(depsgraph, camera, report)
     lights, found = [], []
     for instance in depsgraph.object_instances:
         thing = instance.object
-        if not instance.show_self:
+        if not instance.show_self or is_source(instance, depsgraph.scene.limpid):
             continue
         say_of_object(thing, report)
         if thing.type == "LIGHT":
@@ -74,8 +75,10 @@ def translate(depsgraph, camera, size, report):
     return Translation(seen, strongest(lights, report), environment, shapes)
 
 
-def scene_of(translation, settings, solids):
-    """The scene of limpid with these `solids`."""
+def scene_of(translation, settings, solids=None):
+    """The scene of limpid, with its own solids or these."""
+    if solids is None:
+        solids = [solid_of(shape) for shape in translation.shapes]
     liquid = {"absorption": tuple(settings.absorption)}
     if settings.tint == "COLOR":
         liquid = {"color": tuple(settings.color)}
@@ -121,7 +124,8 @@ def palette_coordinates(shape):
     return np.stack([across, np.full_like(across, 0.5)], axis=1)
 
 
-def _camera(depsgraph, camera, size):
+def camera_at(depsgraph, camera, size):
+    """The object `camera` at the frame of the depsgraph, for a picture of `size` pixels."""
     if camera is None:
         raise Problem("the scene has no camera")
     camera = camera.evaluated_get(depsgraph)

@@ -128,6 +128,52 @@ def read(path):
     return pixels
 
 
+def render_passes(scene, path):
+    """Renders; returns the passes of the view layer by name, of shape (height, width, channels)."""
+    settings = scene.render.image_settings
+    before = settings.file_format
+    if bpy.app.version >= (5, 0):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+        settings.use_exr_interleave = True
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_depth, settings.exr_codec = "32", "NONE"
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    if bpy.app.version >= (5, 0):
+        settings.media_type = "IMAGE"
+    settings.file_format = before
+    return exr_passes(Path(path).read_bytes())
+
+
+def exr_passes(data):
+    """The passes of an uncompressed multi-layer EXR file of 32-bit floats."""
+    at, attributes = 8, {}
+    while data[at]:
+        name, kind, rest = data[at:].split(b"\0", 2)
+        at += len(name) + len(kind) + 2
+        size = int.from_bytes(data[at : at + 4], "little")
+        attributes[name.decode()] = data[at + 4 : at + 4 + size]
+        at += 4 + size
+    channels, rest = [], attributes["channels"]
+    while rest[0]:
+        name, rest = rest.split(b"\0", 1)
+        assert rest[0] == 2, "expected 32-bit floats"
+        channels.append(name.decode())
+        rest = rest[16:]
+    left, top, right, bottom = np.frombuffer(attributes["dataWindow"], "<i4")
+    width, height = right - left + 1, bottom - top + 1
+    # After the table of offsets, each row has its number, its size and its channels.
+    row = np.dtype([("y", "<i4"), ("size", "<i4"), ("values", "<f4", (len(channels), width))])
+    rows = np.frombuffer(data, row, height, at + 1 + 8 * height)["values"]
+    passes = {}
+    for name in dict.fromkeys(channel.rsplit(".", 1)[0] for channel in channels):
+        own = [channel for channel in channels if channel.rsplit(".", 1)[0] == name]
+        own.sort(key=lambda channel: "XYZWRGBAV".index(channel[-1]) % 8)
+        image = np.stack([rows[:, channels.index(channel)] for channel in own], axis=-1)
+        passes[name.split(".", 1)[-1]] = image
+    return passes
+
+
 def program(*arguments):
     """Runs the program `limpid` of this environment."""
     path = Path(sys.executable).with_name("limpid")

@@ -127,6 +127,9 @@ class Layout:
         assert name in data.bl_rna.properties
         self.shown.append(name)
 
+    def column(self, **_):
+        return self
+
     def operator(self, name):
         module, operator = name.split(".")
         getattr(getattr(bpy.ops, module), operator).get_rna_type()
@@ -138,13 +141,16 @@ class Layout:
 
 def test_the_panels_show_all_settings(scene, addon):
     shown = []
-    for scene.limpid.tint in ("ABSORPTION", "COLOR"):
+    context = SimpleNamespace(scene=scene, view_layer=scene.view_layers[0])
+    scene.limpid.attribute = "heat"
+    for scene.limpid.source, scene.limpid.tint in (("FILE", "ABSORPTION"), ("OBJECT", "COLOR")):
         for kind in addon.panel.CLASSES:
             drawn = SimpleNamespace(layout=Layout())
-            kind.draw(drawn, SimpleNamespace(scene=scene))
+            kind.draw(drawn, context)
             shown += drawn.layout.shown
     settings = set(addon.LimpidSettings.bl_rna.properties.keys()) - {"rna_type", "name"}
-    assert settings | {"film_transparent", "limpid.save_scene"} == set(shown)
+    passes = {"use_pass_z", "use_pass_normal", "use_pass_vector"}
+    assert settings | passes | {"film_transparent", "limpid.save_scene"} == set(shown)
 
 
 def test_blender_shows_its_own_panels_too(addon):
