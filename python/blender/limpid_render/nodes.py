@@ -2,6 +2,7 @@
 
 import bpy
 import numpy as np
+from mathutils import Euler
 
 # Colour spaces of pictures of 8 bits whose numbers are linear.
 _LINEAR = {"Non-Color", "Raw", "Linear", "Linear Rec.709", "Linear BT.709"}
@@ -28,6 +29,22 @@ def constant(socket):
     if output is None:
         return tuple(socket.default_value[:3])
     return tuple(output.default_value[:3]) if output.node.type == "RGB" else None
+
+
+def mapped(places, mapping):
+    """Places, or directions, after a Mapping node."""
+    location, rotation, scale = (
+        np.array(mapping.inputs[name].default_value) if name in mapping.inputs else default
+        for name, default in (("Location", 0.0), ("Rotation", np.zeros(3)), ("Scale", 1.0))
+    )
+    turn = np.array(Euler(rotation, "XYZ").to_matrix())
+    safe = np.where(scale == 0.0, 1.0, scale)
+    if mapping.vector_type == "TEXTURE":
+        return (places - location) @ turn / safe
+    if mapping.vector_type == "NORMAL":
+        return (places / safe) @ turn.T
+    moved = (places * scale) @ turn.T
+    return moved + location if mapping.vector_type == "POINT" else moved
 
 
 def pixels(image, report):

@@ -12,7 +12,8 @@ import numpy as np
 
 from . import particles, source
 from .errors import Problem
-from .translate import palette, palette_coordinates, scene_of
+from .surfaces import encoded
+from .translate import scene_of
 
 
 def save_scene(path, translation, depsgraph, report):
@@ -49,13 +50,11 @@ def _solid(shape, folder, used):
         name = f"{plain}_{number}"
     used.add(name)
     file = os.path.join(folder, name + ".ply")
-    look = {"color": tuple(shape.colors[0])}
-    coordinates = None
-    if shape.color_of is not None:
-        coordinates = palette_coordinates(shape)
+    look = {} if shape.color is None else {"color": tuple(shape.color)}
+    if shape.picture is not None:
         look = {"texture": os.path.join(folder, name + ".png")}
-        _write_picture(look["texture"], palette(shape))
-    _write_ply(file, shape.vertices, shape.faces, coordinates)
+        _write_picture(look["texture"], encoded(shape.picture))
+    _write_ply(file, shape.vertices, shape.faces, shape.coordinates)
     return limpid.Mesh(file, normals="smooth" if shape.smooth else "flat", lit=shape.lit, **look)
 
 
@@ -79,11 +78,12 @@ def _write_ply(path, vertices, faces, coordinates):
 
 
 def _write_picture(path, pixels):
-    """A PNG file of one row of sRGB pixels."""
-    image = bpy.data.images.new("limpid", pixels.shape[1], 1)
+    """A PNG file of sRGB pixels, rows from the top."""
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new("limpid", width, height)
     try:
-        opaque = np.ones((pixels.shape[1], 4), np.float32)
-        opaque[:, :3] = pixels[0] / np.float32(255.0)
+        opaque = np.ones((height, width, 4), np.float32)
+        opaque[..., :3] = pixels[::-1] / np.float32(255.0)
         image.pixels.foreach_set(opaque.ravel())
         image.file_format = "PNG"
         image.save(filepath=path)

@@ -34,11 +34,25 @@ _GLOSSY = 0.25
 
 
 @dataclass
+class Texture:
+    """An image on a surface: by the UVs of a map, "" for the active one, after a Mapping node."""
+
+    image: object
+    uv_map: str
+    mapping: object
+    repeats: bool
+    # Whether it lies on UVs at all.
+    by_uv: bool
+
+
+@dataclass
 class Look:
     """The colour of a surface, and whether it is light that the surface sends out."""
 
     color: tuple[float, float, float]
     emits: bool = False
+    # A picture instead of the colour.
+    texture: Texture | None = None
 
 
 def look_of(material, user, report):
@@ -64,12 +78,38 @@ def look_of(material, user, report):
     if emission is not None:
         return Look(emission, emits=True)
     socket = node.inputs.get("Base Color") or node.inputs.get("Color")
-    color = socket and node.type != "EMISSION" and constant(socket)
+    emits = node.type == "EMISSION"
+    color = socket and not emits and constant(socket)
     if color:
         return Look(color)
+    texture = socket and _texture(socket)
+    if texture is not None and (not emits or node.inputs["Strength"].default_value == 1.0):
+        if texture.image.source in {"SEQUENCE", "MOVIE", "TILED"}:
+            report.add("of films and tiled images, one picture is drawn", name, user)
+        return Look(viewport.color, emits, texture)
     after = source(socket).node.name if socket and source(socket) else node.name
     report.add(f"drawn in the viewport colour, as limpid does not know the node {after}", name, user)
     return viewport
+
+
+def _texture(socket):
+    """The image that colours a socket, if one does alone."""
+    output = source(socket)
+    if output is None or (output.node.type, output.identifier) != ("TEX_IMAGE", "Color"):
+        return None
+    node = output.node
+    if node.image is None:
+        return None
+    uv_map, mapping = "", None
+    place = source(node.inputs["Vector"])
+    if place is not None and place.node.type == "MAPPING":
+        mapping = place.node
+        place = source(mapping.inputs["Vector"])
+    by_uv = node.projection == "FLAT"
+    if place is not None:
+        by_uv = by_uv and (place.node.type, place.identifier) in {("UVMAP", "UV"), ("TEX_COORD", "UV")}
+        uv_map = place.node.uv_map if place.node.type == "UVMAP" else ""
+    return Texture(node.image, uv_map, mapping, node.extension == "REPEAT", by_uv)
 
 
 def _emission(node):

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from mathutils import Euler
 
-from .nodes import constant, pixels, source, tree_of
+from .nodes import constant, mapped, pixels, source, tree_of
 
 # Rows of an environment that are resampled at a time, to bound the memory.
 _ROWS = 64
@@ -85,25 +84,9 @@ def _turned(picture, mapping):
             axis=-1,
         )
         if mapping is not None:
-            direction = _mapped(direction, mapping)
+            direction = mapped(direction, mapping)
         turned[rows] = _looked_up(picture, direction)
     return turned
-
-
-def _mapped(direction, mapping):
-    """Directions after a Mapping node."""
-    location, rotation, scale = (
-        np.array(mapping.inputs[name].default_value) if name in mapping.inputs else default
-        for name, default in (("Location", 0.0), ("Rotation", np.zeros(3)), ("Scale", 1.0))
-    )
-    turn = np.array(Euler(rotation, "XYZ").to_matrix())
-    safe = np.where(scale == 0.0, 1.0, scale)
-    if mapping.vector_type == "TEXTURE":
-        return (direction - location) @ turn / safe
-    if mapping.vector_type == "NORMAL":
-        return (direction / safe) @ turn.T
-    moved = (direction * scale) @ turn.T
-    return moved + location if mapping.vector_type == "POINT" else moved
 
 
 def _looked_up(picture, direction):

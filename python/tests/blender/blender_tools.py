@@ -128,6 +128,18 @@ def read(path):
     return pixels
 
 
+def in_cycles(scene, path, samples=16):
+    """The picture that Cycles makes of the same scene, with direct light alone."""
+    scene.render.engine = "CYCLES"
+    scene.cycles.device, scene.cycles.samples, scene.cycles.max_bounces = "CPU", samples, 0
+    scene.cycles.use_denoising = False
+    # limpid's pixels are means of their own area.
+    scene.cycles.pixel_filter_type = "BOX"
+    pixels = render(scene, path)
+    scene.render.engine = "LIMPID"
+    return pixels
+
+
 def render_passes(scene, path):
     """Renders; returns the passes of the view layer by name, of shape (height, width, channels)."""
     settings = scene.render.image_settings

@@ -13,6 +13,7 @@ from blender_tools import (
     difference,
     flood,
     floor,
+    in_cycles,
     light,
     material,
     program_picture,
@@ -24,18 +25,6 @@ from blender_tools import (
 # After the tools, which skip these tests without it.
 import bpy
 from mathutils import Euler
-
-
-def in_cycles(scene, path):
-    """The picture that Cycles makes of the same scene, with direct light alone."""
-    scene.render.engine = "CYCLES"
-    scene.cycles.device, scene.cycles.samples, scene.cycles.max_bounces = "CPU", 16, 0
-    scene.cycles.use_denoising = False
-    # limpid's pixels are means of their own area.
-    scene.cycles.pixel_filter_type = "BOX"
-    pixels = render(scene, path)
-    scene.render.engine = "LIMPID"
-    return pixels
 
 
 def sky(scene, rotation=None, kind="POINT", floats=True):
@@ -106,6 +95,44 @@ def test_lights_are_as_bright_as_in_cycles(dry, tmp_path, values):
     drawn = render(dry, tmp_path / "limpid.exr")[..., :3]
     print(f"differs by {difference(truth, drawn):.4f}")
     assert difference(truth, drawn) < 0.02
+
+
+SPREADS = {
+    "square": {"shape": "SQUARE", "size": 0.2},
+    "rectangle": {"shape": "RECTANGLE", "size": 0.2, "size_y": 0.1},
+    "disk": {"shape": "DISK", "size": 0.2},
+    "spread": {"shape": "ELLIPSE", "size": 0.01, "size_y": 0.02, "spread": 1.2},
+    "of each square metre": {"shape": "DISK", "size": 0.2, "normalize": False},
+}
+
+
+@pytest.mark.parametrize("values", SPREADS.values(), ids=SPREADS.keys())
+def test_area_lights_are_as_bright_ahead_as_in_cycles(dry, tmp_path, values):
+    floor(20, 0, (0.8, 0.8, 0.8))
+    aim(dry.camera, (0.01, 0, 8), (0, 0, 0))
+    dry.camera.data.type, dry.camera.data.ortho_scale = "ORTHO", 0.05
+    lamp = light(dry, "AREA", 100, location=(0, 0, 2))
+    lamp.scale = (2, 1, 1)
+    for name, value in values.items():
+        if hasattr(lamp.data, name):
+            setattr(lamp.data, name, value)
+    # From above the light, which only shines down.
+    truth = in_cycles(dry, tmp_path / "cycles.exr", samples=64)[..., :3].mean(axis=(0, 1))
+    drawn = render(dry, tmp_path / "limpid.exr")[..., :3].mean(axis=(0, 1))
+    print(truth, drawn)
+    assert np.allclose(truth, drawn, rtol=0.04)
+
+
+def test_spot_lights_are_as_bright_ahead_as_in_cycles(dry, tmp_path):
+    floor(20, 0, (0.8, 0.8, 0.8))
+    aim(dry.camera, (0.01, 0, 8), (0, 0, 0))
+    dry.camera.data.type, dry.camera.data.ortho_scale = "ORTHO", 0.05
+    lamp = light(dry, "SPOT", 100, location=(0, 0, 2))
+    lamp.data.shadow_soft_size = 0.0
+    truth = in_cycles(dry, tmp_path / "cycles.exr")[..., :3].mean(axis=(0, 1))
+    drawn = render(dry, tmp_path / "limpid.exr")[..., :3].mean(axis=(0, 1))
+    print(truth, drawn)
+    assert np.allclose(truth, drawn, rtol=0.02)
 
 
 def test_settings_of_lights_are_those_of_cycles(dry, tmp_path):
