@@ -69,7 +69,7 @@ class LimpidEngine(bpy.types.RenderEngine):
         cameras = None
         if depsgraph.view_layer.use_pass_vector and self.save_to is None:
             cameras = self._cameras(depsgraph, camera, size)
-        translation = translate.translate(depsgraph, camera, size, _report)
+        translation = translate.translate(depsgraph, camera, size, self._wait, _report)
         if self.save_to is not None:
             save.save_scene(self.save_to, translation, depsgraph, _report)
         else:
@@ -93,6 +93,11 @@ class LimpidEngine(bpy.types.RenderEngine):
         """Shows the share that is done; returns whether the user has asked to stop."""
         self.update_progress(share)
         return self.test_break()
+
+    def _wait(self):
+        """Fails if the user has asked to stop."""
+        if self._watch(0.0):
+            raise Stopped
 
     def _draw(self, depsgraph, translation, cameras):
         from . import drawing, source, translate

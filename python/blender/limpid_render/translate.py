@@ -33,8 +33,11 @@ class Translation:
     shapes: list[Shape]
 
 
-def translate(depsgraph, camera, size, report):
-    """Translates an evaluated scene, seen by the object `camera` in a picture of `size` pixels."""
+def translate(depsgraph, camera, size, wait, report):
+    """Translates an evaluated scene, seen by the object `camera` in a picture of `size` pixels.
+
+    What takes long calls `wait` now and then, which may raise.
+    """
     seen = camera_at(depsgraph, camera, size)
     say_of_scene(depsgraph, camera, report)
     lights, shapes, pictures = [], [], {}
@@ -48,7 +51,9 @@ def translate(depsgraph, camera, size, report):
         elif thing.type == "MESH":
             # Blender gives the surfaces of curves, texts and metaballs as instances of meshes too.
             shapes += shapes_of(instance, pictures, report)
-    environment = world_light(depsgraph.scene.world, report)
+    scene = depsgraph.scene
+    environment, suns = world_light(scene.world, scene.frame_current, wait, report)
+    lights += [(f"of {scene.world.name}", sun) for sun in suns]
     for shape in shapes:
         shape.lit = bool(lights) and not shape.emits
         if not lights and not shape.emits:

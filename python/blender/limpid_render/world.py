@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+import limpid
 import numpy as np
 
+from . import bake
+from .axes import Y_UP
 from .nodes import constant, mapped, pixels, source, tree_of
 
 # Rows of an environment that are resampled at a time, to bound the memory.
@@ -23,47 +26,69 @@ class Map:
         return np.average(self.pixels.mean(axis=1), axis=0, weights=weights)
 
 
-def world_light(world, report):
-    """The radiance of a world: one colour, or a map."""
+def world_light(world, frame, wait, report):
+    """The radiance of a world, one colour or a map, and the suns of its sky.
+
+    Cycles draws what is no plain texture; `wait` is called meanwhile and may raise.
+    """
     if world is None:
-        return (0.0, 0.0, 0.0)
+        return (0.0, 0.0, 0.0), []
     tree = tree_of(world)
     output = tree and tree.get_output_node("ALL")
     if not output:
-        return tuple(world.color)
+        return tuple(world.color), []
+    name = f"world {world.name}"
     if output.inputs["Volume"].is_linked:
-        report.add("drawn without its volume", f"world {world.name}")
+        report.add("volumes are left out", name)
     shader = source(output.inputs["Surface"])
     if shader is None:
-        return (0.0, 0.0, 0.0)
-    if shader.node.type != "BACKGROUND":
-        report.add("drawn black, as the surface is no Background node", f"world {world.name}")
-        return (0.0, 0.0, 0.0)
-    strength = shader.node.inputs["Strength"].default_value
-    socket = shader.node.inputs["Color"]
-    color = constant(socket)
+        return (0.0, 0.0, 0.0), []
+    plain = _plain(shader.node, report)
+    if plain is not None:
+        return plain, []
+    try:
+        picture, suns = bake.baked(world, frame, wait)
+    except (bake.Failed, OSError) as error:
+        report.add(f"drawn grey, as Cycles could not draw the world ({error})", name)
+        return (0.5, 0.5, 0.5), []
+    if suns:
+        report.add("the sun of the sky lights the scene, and is not seen itself", name)
+    suns = [limpid.Sun(tuple(Y_UP @ -way), tuple(power)) for way, power in suns if power.any()]
+    return _map(picture), suns
+
+
+def _plain(node, report):
+    """The radiance of a Background node of one colour or of an equirectangular texture."""
+    if node.type != "BACKGROUND" or source(node.inputs["Strength"]) is not None:
+        return None
+    strength = node.inputs["Strength"].default_value
+    color = constant(node.inputs["Color"])
     if color is not None:
         return tuple(strength * c for c in color)
-    texture = source(socket).node
+    texture = source(node.inputs["Color"]).node
     if texture.type != "TEX_ENVIRONMENT" or texture.image is None:
-        report.add("drawn grey, as the colour is no environment texture", f"world {world.name}")
-        return (0.5 * strength,) * 3
-    if texture.projection != "EQUIRECTANGULAR":
-        report.add("drawn as if the image were equirectangular", f"image {texture.image.name}")
-    picture = strength * _turned(pixels(texture.image, report), _mapping(texture, world, report))
+        return None
+    mapping, known = _mapping(texture)
+    if not known or texture.projection != "EQUIRECTANGULAR":
+        return None
+    return _map(strength * _turned(pixels(texture.image, report), mapping))
+
+
+def _map(picture):
     return Map(np.clip(np.nan_to_num(picture), 0.0, 1e12).astype(np.float32))
 
 
-def _mapping(texture, world, report):
-    """The Mapping node that turns an environment texture, if there is one."""
+def _mapping(texture):
+    """The Mapping node that turns an environment texture, if there is one alone."""
     output = source(texture.inputs["Vector"])
     mapping = None
     if output is not None and output.node.type == "MAPPING":
         mapping = output.node
         output = source(mapping.inputs["Vector"])
-    if output is not None and (output.node.type, output.identifier) != ("TEX_COORD", "Generated"):
-        report.add(f"the texture is drawn without the node {output.node.name}", f"world {world.name}")
-    return mapping
+        if any(socket.is_linked for socket in mapping.inputs if socket.name != "Vector"):
+            return None, False
+    known = output is None or (output.node.type, output.identifier) == ("TEX_COORD", "Generated")
+    return mapping, known
 
 
 def _turned(picture, mapping):

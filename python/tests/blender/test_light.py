@@ -228,3 +228,60 @@ def test_a_tint_is_a_colour_or_an_absorption(scene, tmp_path):
     scene.limpid.tint = "COLOR"
     scene.limpid.color = np.exp([-0.5, -1.0, -2.0])
     assert difference(absorbed, render(scene, tmp_path / "color.exr")) < 1e-3
+
+
+def sky_texture(scene):
+    """A world of a Sky Texture, behind a node that limpid does not know."""
+    background = world(scene, (0, 0, 0), 0.1)
+    tree = scene.world.node_tree
+    texture = tree.nodes.new("ShaderNodeTexSky")
+    texture.sun_elevation, texture.sun_rotation, texture.sun_size = 0.7, 1.0, 0.1
+    curves = tree.nodes.new("ShaderNodeHueSaturation")
+    curves.inputs["Saturation"].default_value = 0.8
+    tree.links.new(texture.outputs["Color"], curves.inputs["Color"])
+    tree.links.new(curves.outputs["Color"], background.inputs["Color"])
+    return texture
+
+
+def test_a_sky_texture_is_that_of_cycles(dry, tmp_path):
+    texture = sky_texture(dry)
+    texture.sun_disc = False
+    dry.camera.data.lens = 18
+    for turn in ((1.7, 0, 0.4), (2.2, 0, -2.0)):
+        dry.camera.rotation_euler = Euler(turn)
+        truth = in_cycles(dry, tmp_path / "cycles.exr")[..., :3]
+        drawn = render(dry, tmp_path / "limpid.exr")[..., :3]
+        print(f"differs by {difference(truth, drawn):.4f}")
+        assert difference(truth, drawn) < 0.02
+    _, program = program_picture(dry, tmp_path)
+    assert difference(program, drawn) < 0.002
+
+
+def test_the_sun_of_a_sky_texture_lights_the_scene(dry, tmp_path, capfd):
+    sky_texture(dry)
+    floor(20, 0, (0.8, 0.6, 0.4))
+    sphere("ball", (0.3, 0.5, 0.5), 0.3, material("ball", (0.2, 0.5, 0.7)))
+    aim(dry.camera, (0, -4, 6), (0, 0, 0))
+    dry.render.resolution_x, dry.render.resolution_y = 160, 120
+    sunny = render(dry, tmp_path / "sunny.exr")[..., :3]
+    assert "the sun of the sky lights the scene" in "".join(capfd.readouterr())
+    with_sun = in_cycles(dry, tmp_path / "cycles.exr", samples=64)[..., :3]
+    texture = next(n for n in dry.world.node_tree.nodes if n.type == "TEX_SKY")
+    texture.sun_disc = False
+    without = in_cycles(dry, tmp_path / "without.exr", samples=64)[..., :3]
+    # The sky's own light differs: in limpid it is the same for all surfaces.
+    sky = render(dry, tmp_path / "cloudy.exr")[..., :3]
+    share = difference(with_sun - without, sunny - sky)
+    print(f"differs by {share:.4f}")
+    assert share < 0.03
+
+
+def test_a_world_that_cannot_be_drawn_is_grey(dry, tmp_path, capfd, monkeypatch):
+    from limpid_render import bake
+
+    sky_texture(dry)
+    monkeypatch.setattr(bake, "_last", (None, None))
+    monkeypatch.setattr(bake, "__file__", str(tmp_path / "none.py"))
+    pixels = render(dry, tmp_path / "grey.exr")
+    assert np.allclose(pixels[..., :3], 0.5)
+    assert "drawn grey, as Cycles could not draw the world" in "".join(capfd.readouterr())
