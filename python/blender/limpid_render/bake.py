@@ -15,8 +15,8 @@ import tempfile
 import bpy
 import numpy as np
 
-# Width of a picture in all directions, or that of the images in it if they are larger, up to a limit;
-# rays for each of its pixels.
+# Width of a picture in all directions, or that of the images in it if they are larger, up to a
+# limit; rays for each of its pixels.
 _WIDTH, _MOST, _SAMPLES = 512, 4096, 9
 
 # The suns of skies are drawn apart, in a picture this many times as wide as they are.
@@ -74,7 +74,7 @@ def _drawn(world, frame, wait):
 
 def _key(world):
     """What the picture of a world depends on, as a text."""
-    described = json.dumps(_described(world.node_tree, set()), default=str, sort_keys=True)
+    described = json.dumps(_described(world.node_tree, set()), sort_keys=True)
     return hashlib.sha256(described.encode()).hexdigest()
 
 
@@ -103,14 +103,15 @@ def _described(tree, seen):
 
 
 def _value(data, name):
+    """A property as numbers and texts, without what differs between copies of the world."""
     value = getattr(data, name, None)
     if isinstance(value, (str, int, float, bool, type(None))):
         return value
     if isinstance(value, bpy.types.Image):
         return [value.name_full, value.filepath, list(value.size), value.is_dirty]
-    if hasattr(value, "__len__") and not isinstance(value, bpy.types.bpy_struct):
-        return [part if isinstance(part, (int, float)) else str(part) for part in value]
-    return getattr(value, "name_full", type(value).__name__)
+    if isinstance(value, bpy.types.bpy_struct) or not hasattr(value, "__len__"):
+        return getattr(value, "name_full", type(value).__name__)
+    return [part if isinstance(part, (int, float)) else type(part).__name__ for part in value]
 
 
 def _tables(node):
@@ -118,7 +119,8 @@ def _tables(node):
     found = []
     if getattr(node, "color_ramp", None):
         ramp = node.color_ramp
-        found.append([ramp.interpolation, *((stop.position, *stop.color) for stop in ramp.elements)])
+        stops = [(stop.position, *stop.color) for stop in ramp.elements]
+        found.append([ramp.interpolation, *stops])
     if getattr(node, "mapping", None) and hasattr(node.mapping, "curves"):
         for curve in node.mapping.curves:
             found.append([tuple(point.location) for point in curve.points])
@@ -188,7 +190,8 @@ def _take_suns(tree):
     """Removes the discs of suns from all Sky Textures, and returns their nodes."""
     found = []
     for node in tree.nodes:
-        if node.type == "TEX_SKY" and node.sun_disc and node.sky_type not in {"PREETHAM", "HOSEK_WILKIE"}:
+        has_disc = node.type == "TEX_SKY" and node.sky_type not in {"PREETHAM", "HOSEK_WILKIE"}
+        if has_disc and node.sun_disc:
             node.sun_disc = False
             found.append(node)
         elif getattr(node, "node_tree", None):

@@ -54,7 +54,11 @@ def draw(liquid, settings, watch, report, **arguments):
 
     def work():
         picture = _open_renderer().render(
-            liquid.particles, radius=radius, samples=settings.samples, **liquid.coloring, **arguments
+            liquid.particles,
+            radius=radius,
+            samples=settings.samples,
+            **liquid.coloring,
+            **arguments,
         )
         return picture, picture.radiance
 

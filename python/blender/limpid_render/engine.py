@@ -144,12 +144,12 @@ class LimpidEngine(bpy.types.RenderEngine):
 
         scene = depsgraph.scene
         frame, part = scene.frame_current, scene.frame_subframe
-        found = []
-        for other in (frame - 1, frame + 1, frame):
+        found = [translate.camera_at(depsgraph, camera, size)]
+        for other in (frame - 1, frame + 1):
             self.frame_set(other, part)
             found.append(translate.camera_at(depsgraph, camera, size))
-        last, following, now = found
-        return now, last, following
+        self.frame_set(frame, part)
+        return found
 
 
 class SaveScene(bpy.types.Operator, ExportHelper):

@@ -66,8 +66,12 @@ def _of_system(system, rate):
         values[key] = np.empty(3 * count, np.float32)
         particles.foreach_get(name, values[key])
         values[key] = values[key].reshape(-1, 3)
-    # In a frame, they move by the velocity times this step, whatever the rate of the scene.
-    values["velocity"] *= system.settings.timestep * rate
+    if system.settings.type == "EMITTER":
+        # In a frame, they move by the velocity times this step, whatever the rate of the scene.
+        values["velocity"] *= system.settings.timestep * rate
+    else:
+        # Unknown units: those of fluids.
+        del values["velocity"]
     values["id"] = np.arange(count, dtype=np.int32)
     return {name: rows[chosen] for name, rows in values.items()}
 

@@ -28,8 +28,8 @@ class LimpidSettings(bpy.types.PropertyGroup):
     object: PointerProperty(
         name="Object",
         description=(
-            "Its particle systems are the liquid; else what Geometry Nodes make: points, instances; "
-            "else its vertices. Its surface is not drawn"
+            "Its particle systems are the liquid; else what Geometry Nodes make: points, "
+            "instances; else its vertices. Its surface is not drawn"
         ),
         type=bpy.types.Object,
     )
@@ -105,8 +105,8 @@ class LimpidSettings(bpy.types.PropertyGroup):
     range: FloatVectorProperty(
         name="Range",
         description=(
-            "Values of the first and the last colour; if they are equal, the 2nd to 98th percentile "
-            "of each frame"
+            "Values of the first and the last colour; if they are equal, the 2nd to 98th "
+            "percentile of each frame"
         ),
         size=2,
         default=(0.0, 0.0),

@@ -32,7 +32,7 @@ def save_scene(path, translation, depsgraph, report):
     if settings.radius > 0.0:
         table["radius"] = settings.radius
     if settings.attribute:
-        report.add("the saved scene has the colour of the liquid", f"attribute {settings.attribute}")
+        report.add("saved scenes have the colour of the liquid", f"attribute {settings.attribute}")
     with open(path, "a", encoding="utf-8") as written:
         written.write(_table("camera", _camera(translation.camera)) + _table("particles", table))
     # Fails if the program could not read it.

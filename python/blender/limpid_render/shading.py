@@ -88,7 +88,8 @@ def look_of(material, user, report):
             report.add("of films and tiled images, one picture is drawn", name, user)
         return Look(viewport.color, emits, texture)
     after = source(socket).node.name if socket and source(socket) else node.name
-    report.add(f"drawn in the viewport colour, as limpid does not know the node {after}", name, user)
+    what = f"drawn in the viewport colour, as limpid does not know the node {after}"
+    report.add(what, name, user)
     return viewport
 
 
@@ -107,7 +108,8 @@ def _texture(socket):
         place = source(mapping.inputs["Vector"])
     by_uv = node.projection == "FLAT"
     if place is not None:
-        by_uv = by_uv and (place.node.type, place.identifier) in {("UVMAP", "UV"), ("TEX_COORD", "UV")}
+        known = {("UVMAP", "UV"), ("TEX_COORD", "UV")}
+        by_uv = by_uv and (place.node.type, place.identifier) in known
         uv_map = place.node.uv_map if place.node.type == "UVMAP" else ""
     return Texture(node.image, uv_map, mapping, node.extension == "REPEAT", by_uv)
 

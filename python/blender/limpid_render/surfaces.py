@@ -77,10 +77,10 @@ def shapes_of(instance, pictures, report):
 
 def solid_of(shape):
     """A solid of limpid that is in memory."""
-    look = {"color": tuple(shape.color)} if shape.picture is None else {
-        "texture": encoded(shape.picture),
-        "coordinates": shape.coordinates,
-    }
+    if shape.picture is None:
+        look = {"color": tuple(shape.color)}
+    else:
+        look = {"texture": encoded(shape.picture), "coordinates": shape.coordinates}
     return limpid.Mesh(
         vertices=shape.vertices,
         faces=shape.faces,

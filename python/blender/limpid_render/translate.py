@@ -39,7 +39,7 @@ def translate(depsgraph, camera, size, wait, report):
     What takes long calls `wait` now and then, which may raise.
     """
     seen = camera_at(depsgraph, camera, size)
-    say_of_scene(depsgraph, camera, report)
+    say_of_scene(depsgraph, camera.evaluated_get(depsgraph), report)
     lights, shapes, pictures = [], [], {}
     for instance in depsgraph.object_instances:
         thing = instance.object
@@ -52,8 +52,10 @@ def translate(depsgraph, camera, size, wait, report):
             # Blender gives the surfaces of curves, texts and metaballs as instances of meshes too.
             shapes += shapes_of(instance, pictures, report)
     scene = depsgraph.scene
-    environment, suns = world_light(scene.world, scene.frame_current, wait, report)
-    lights += [(f"of {scene.world.name}", sun) for sun in suns]
+    # The scene has the world without its animation.
+    world = scene.world and scene.world.evaluated_get(depsgraph)
+    environment, suns = world_light(world, scene.frame_current, wait, report)
+    lights += [(f"of {world.name}", sun) for sun in suns]
     for shape in shapes:
         shape.lit = bool(lights) and not shape.emits
         if not lights and not shape.emits:
@@ -72,7 +74,9 @@ def scene_of(translation, settings, solids=None):
     liquid = {"absorption": tuple(settings.absorption)}
     if settings.tint == "COLOR":
         liquid = {"color": tuple(settings.color)}
-    has_pictures = any(shape.picture is not None and len(shape.picture) > 1 for shape in translation.shapes)
+    pictures = [shape.picture for shape in translation.shapes if shape.picture is not None]
+    # Those of several rows are images; they are averaged over the pixels.
+    has_images = any(len(picture) > 1 for picture in pictures)
     environment = translation.environment
     if isinstance(environment, Map):
         environment = environment.pixels
@@ -82,8 +86,7 @@ def scene_of(translation, settings, solids=None):
         solids=solids,
         lights=translation.lights,
         environment=environment,
-        # Pictures are averaged over the pixels.
-        settings={"refract.samples": settings.samples, "refract.filter_patterns": has_pictures},
+        settings={"refract.samples": settings.samples, "refract.filter_patterns": has_images},
     )
 
 

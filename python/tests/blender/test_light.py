@@ -285,3 +285,64 @@ def test_a_world_that_cannot_be_drawn_is_grey(dry, tmp_path, capfd, monkeypatch)
     pixels = render(dry, tmp_path / "grey.exr")
     assert np.allclose(pixels[..., :3], 0.5)
     assert "drawn grey, as Cycles could not draw the world" in "".join(capfd.readouterr())
+
+
+def test_a_world_is_drawn_once_until_it_changes(dry, tmp_path, monkeypatch):
+    from limpid_render import bake
+
+    texture = sky_texture(dry)
+    drawn = []
+
+    def fake(*arguments):
+        drawn.append(arguments)
+        return np.ones((8, 16, 3), np.float32), []
+
+    monkeypatch.setattr(bake, "_drawn", fake)
+    monkeypatch.setattr(bake, "_last", (None, None))
+    dry.frame_start, dry.frame_end = 1, 3
+    dry.render.filepath = str(tmp_path / "w")
+    bpy.ops.render.render(animation=True)
+    assert len(drawn) == 1
+    texture.altitude += 100.0
+    bpy.ops.render.render()
+    bpy.ops.render.render()
+    assert len(drawn) == 2
+    texture.keyframe_insert("altitude", frame=1)
+    texture.altitude += 100.0
+    texture.keyframe_insert("altitude", frame=3)
+    bpy.ops.render.render(animation=True)
+    # The first frame is as the last picture was.
+    assert len(drawn) == 4
+
+
+def test_a_render_stops_while_cycles_draws_the_world(dry, addon, monkeypatch):
+    from limpid_render import bake
+
+    sky_texture(dry)
+    children = []
+    popen = bake.subprocess.Popen
+
+    def recorded(*arguments, **options):
+        children.append(popen(*arguments, **options))
+        return children[-1]
+
+    monkeypatch.setattr(bake, "_last", (None, None))
+    monkeypatch.setattr(bake.subprocess, "Popen", recorded)
+    monkeypatch.setattr(addon.engine.LimpidEngine, "_watch", lambda *_: bool(children))
+    bpy.ops.render.render()
+    assert len(children) == 1 and children[0].returncode not in (None, 0)
+
+
+def test_colours_are_animated(dry, tmp_path):
+    background = world(dry, (0.2, 0.2, 0.2))
+    ball = sphere("ball", (0, 0, 0), 1, material("ball", (1, 1, 1), "ShaderNodeEmission"))
+    shader = ball.material_slots[0].material.node_tree.nodes["Emission"]
+    for frame, value in ((1, 0.25), (3, 0.75)):
+        for socket in (background.inputs["Strength"], shader.inputs["Strength"]):
+            socket.default_value = value
+            socket.keyframe_insert("default_value", frame=frame)
+    for frame, value in ((1, 0.25), (2, 0.5), (3, 0.75)):
+        dry.frame_set(frame)
+        pixels = render(dry, tmp_path / "frame.exr")
+        assert np.allclose(pixels[0, 0, :3], 0.2 * value, rtol=0.01)
+        assert np.allclose(pixels[120, 160, :3], value, rtol=0.01)
