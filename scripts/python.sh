@@ -68,6 +68,7 @@ say "Blender"
 # Its module is for one version of CPython, and large.
 if environment blender "bpy>=4.2" pytest pillow 2>/dev/null; then
     LIMPID_REQUIRE_BPY=1 check blender blender
+    "$folder/blender/bin/python" python/blender/package.py "$wheel" -o "$folder/extensions" >&2
 else
     say "the module bpy cannot be installed here: not tested"
 fi

@@ -5,7 +5,7 @@ import pytest
 
 import limpid
 
-from blender_tools import DAM, difference, flood, program_picture, render, sphere, material
+from blender_tools import DAM, difference, flood, material, program_picture, render, sphere
 
 # After the tools, which skip these tests without it.
 import bpy
@@ -186,8 +186,9 @@ def test_attributes_colour_the_liquid(scene, tmp_path, drawn):
     settings.attribute = "head"
     with pytest.raises(RuntimeError, match="no attribute head; there are: .*heat, paint"):
         render(scene, tmp_path / "none.png")
-    settings.source, settings.attribute, settings.particles = "FILE", "velocity", str(tmp_path / "v.npz")
     limpid.write(tmp_path / "v.npz", dam, velocities=dam)
+    settings.source, settings.particles = "FILE", str(tmp_path / "v.npz")
+    settings.attribute = "velocity"
     render(scene, tmp_path / "velocity.png")
     assert np.allclose(drawn[-1][1]["values"], dam)
 

@@ -67,7 +67,7 @@ def board(paint):
     return thing
 
 
-# Between the pixels of bytes in sRGB, Cycles interpolates the bytes, and limpid what they stand for.
+# Between pixels in sRGB, Cycles interpolates the bytes, and limpid the light they stand for.
 IMAGES = {
     "sRGB": ({}, 0.05),
     "floats": ({"floats": True, "space": "Non-Color"}, 0.02),
@@ -86,7 +86,8 @@ def test_an_image_lies_where_cycles_has_it(dry, tmp_path, values, tolerance):
 
 
 def test_an_image_is_turned_and_repeated_as_in_cycles(dry, tmp_path):
-    paint, texture = textured("paint", picture("picture", space="Non-Color"), "ShaderNodeBsdfPrincipled")
+    image = picture("picture", space="Non-Color")
+    paint, texture = textured("paint", image, "ShaderNodeBsdfPrincipled")
     coordinates(
         paint, texture, "ShaderNodeTexCoord", "UV",
         Rotation=(0, 0, 0.4), Scale=(2, 3, 1), Location=(0.3, 0.1, 0),
