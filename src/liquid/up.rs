@@ -21,7 +21,8 @@ const SAMPLES: usize = 65536;
 const FEWEST: usize = 9;
 
 /// The axis along which the liquid lies on a level floor below an uneven surface, or has a level surface
-/// over an uneven floor: `None` if neither y nor z is such an axis, or if both are.
+/// over an uneven floor; else the axis along which an end of it is level at all, as of a calm pool without straight
+/// walls: `None` if neither y nor z is such an axis, or if both are.
 ///
 /// Walls are level on both sides, and liquid in the air on neither; so a full box and a single drop tell
 /// nothing. An end is level where most of its columns end at the height of the median one, and a column ends at the
@@ -35,15 +36,17 @@ pub fn likely_up(particles: &Particles, radius: f32) -> Option<Up> {
     // Twice the spacing of the sampled particles.
     let share = count as f64 / count.min(SAMPLES) as f64;
     let side = 4.0 * f64::from(radius) * share.cbrt();
-    let one_sided = |axis| {
-        let (low, high) = level_ends(&places, side, axis)?;
-        Some(low.max(high) > LEVEL && low.min(high) < UNEVEN)
-    };
-    match (one_sided(1)?, one_sided(2)?) {
-        (true, false) => Some(Up::Y),
-        (false, true) => Some(Up::Z),
+    let ends = [level_ends(&places, side, 1)?, level_ends(&places, side, 2)?];
+    let alone = |is_up: fn((f64, f64)) -> bool| match ends.map(is_up) {
+        [true, false] => Some(Up::Y),
+        [false, true] => Some(Up::Z),
         _ => None,
-    }
+    };
+    let is_level = |(low, high): (f64, f64)| low.max(high) > LEVEL;
+    let is_uneven = |(low, high): (f64, f64)| low.max(high) < UNEVEN;
+    let one_sided = alone(|(low, high)| low.max(high) > LEVEL && low.min(high) < UNEVEN);
+    let layered = || alone(is_level).filter(|_| ends.into_iter().any(is_uneven));
+    one_sided.or_else(layered)
 }
 
 /// Shares of the columns along `axis`, of this `side`, that end at the median height below and above; `None`
@@ -95,6 +98,10 @@ mod tests {
         for up in [Up::Y, Up::Z] {
             assert_eq!(likely_up(&of(up, wave), 0.5), Some(up), "a wave");
             assert_eq!(likely_up(&of(up, lake), 0.5), Some(up), "a lake");
+        }
+        let pond = |x: DVec3| x.y < 4.0 && (x.x - 9.5).hypot(1.5 * (x.z - 6.5)) < 9.0;
+        for up in [Up::Y, Up::Z] {
+            assert_eq!(likely_up(&of(up, pond), 0.5), Some(up), "a pond");
         }
         assert_eq!(likely_up(&of(Up::Y, |_| true), 0.5), None, "a box");
         let drop = |x: DVec3| x.distance(DVec3::new(10.0, 5.0, 7.0)) < 5.0;
