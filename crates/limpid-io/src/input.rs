@@ -43,10 +43,12 @@ pub struct Input {
 
 impl Input {
     /// Replaces the scene. If its file has particles too, their radius, up axis and attribute map apply
-    /// to these frames.
+    /// to these frames. The axis that points up is still guessed in a scene that is alike from all sides.
     #[must_use]
     pub fn with_project(mut self, project: Project) -> Self {
-        self.loader.fluids.iter_mut().for_each(|fluid| fluid.guess_up = false);
+        if project.has_directions() {
+            self.loader.fluids.iter_mut().for_each(|fluid| fluid.guess_up = false);
+        }
         if let Some(simulation) = project.source.simulation() {
             self.loader.fps = Some(simulation.fps);
             for fluid in &mut self.loader.fluids {

@@ -32,6 +32,7 @@ use crate::media::MediumName;
 use crate::particles::{AttributeMap, Selection};
 use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
+use limpid::environment::Environment;
 use limpid::glam::Vec3;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
@@ -291,6 +292,20 @@ impl Project {
         if let Some(automatic) = self.automatic.take() {
             automatic.complete(self, body);
         }
+    }
+
+    /// Whether something in it has a place or a direction, in a world of y up.
+    pub fn has_directions(&self) -> bool {
+        let automatic = |part: fn(&Automatic) -> bool| self.automatic.as_ref().is_some_and(part);
+        let sky = &self.scene.environment;
+        let is_alike = matches!(sky, Environment::Constant(_)) || automatic(|own| own.environment);
+        let is_placed = automatic(|own| own.height.is_some());
+        let Scene { solids, lights, .. } = &self.scene;
+        !(is_alike && solids.is_empty() && lights.is_empty())
+            || is_placed
+            || self.camera.is_some()
+            || !self.views.is_empty()
+            || !matches!(self.source, LiquidSource::Unspecified)
     }
 
     /// Whether its liquid is opaque once its look has completed it.

@@ -15,8 +15,8 @@ use limpid_io::project::Project;
 
 use super::{frames, open, z_up};
 
-/// Without a scene z is up if a frame shows that, be it a later one; the view follows. `--up` and a scene
-/// decide against it.
+/// Without a scene z is up if a frame shows that, be it a later one; the view follows. `--up` and a scene with
+/// directions of its own decide against it.
 #[test]
 fn the_axis_that_points_up_is_guessed() {
     let wave = z_up(|x, y| 6.0 + 4.0 * (0.4 * x).sin() + (0.9 * y).cos());
@@ -34,8 +34,19 @@ fn the_axis_that_points_up_is_guessed() {
     let adjustments = Adjustments { up: Some(Up::Y), ..Adjustments::default() };
     let opened = Request { input: name, adjustments, ..Request::default() }.open().unwrap();
     assert!(!opened.loader.is_turned());
-    let scene = Project::parse("", "empty", Path::new(".")).unwrap();
-    assert!(!open(&folder).with_project(scene).resolve().unwrap().0.is_turned());
+    for (text, has_directions) in [
+        ("", false),
+        ("look = \"night\"", false),
+        ("floor = 0", true),
+        ("[[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }", true),
+        ("[[solid]]\nshape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1", true),
+        ("[camera]\neye = [0, 0, 1]\ntarget = [0, 0, 0]\nfov_y = 40", true),
+        ("[particles]\nradius = 0.5", true),
+    ] {
+        let scene = Project::parse(text, "scene", Path::new(".")).unwrap();
+        let turned = open(&folder).with_project(scene).resolve().unwrap().0.is_turned();
+        assert_eq!(turned, !has_directions, "{text}");
+    }
     let calm = frames(&[&z_up(|_, _| 9.0)]);
     assert!(!open(&calm).resolve().unwrap().0.is_turned());
 }
