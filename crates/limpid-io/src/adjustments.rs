@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::color_by::{Attribute, ColorBy, ColorRange, MapName};
 use crate::error::{Error, Result};
 use crate::floor::is_ground;
-use crate::project::Project;
+use crate::project::{Project, set_sky};
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
 use limpid::scene::{Light, Liquid, Scene, Shape};
@@ -279,14 +279,7 @@ impl Adjustments {
             };
         }
         if let (Some(look), Some(body)) = (self.sky, body) {
-            scene.environment = look.scene(body).environment;
-            let sun = scene.lights.iter().find_map(|light| match light {
-                Light::Sun { direction, .. } => Some(-*direction),
-                _ => None,
-            });
-            if let Some(towards) = sun {
-                scene.environment.turn_sun(towards);
-            }
+            set_sky(scene, look, body);
         }
         if let Some(sun) = self.sun {
             sun.apply(scene);

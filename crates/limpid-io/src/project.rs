@@ -36,7 +36,7 @@ use limpid::environment::Environment;
 use limpid::glam::Vec3;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
-use limpid::scene::{Kind, Liquid, Scene, Shape};
+use limpid::scene::{Kind, Light, Liquid, Scene, Shape};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -75,6 +75,8 @@ pub struct Automatic {
     pub look: Look,
     /// Whether it provides the environment.
     pub environment: bool,
+    /// The look whose sky that is, if it is another one.
+    pub sky: Option<Look>,
     /// Whether it provides the ground.
     pub ground: bool,
     /// Height of that ground, m; below liquid and solids if absent.
@@ -99,6 +101,7 @@ impl Automatic {
         Self {
             look,
             environment: true,
+            sky: None,
             ground: true,
             height: None,
             light: true,
@@ -126,11 +129,14 @@ impl Automatic {
             }
         }
         let scene = &mut project.scene;
+        if self.light {
+            scene.lights = look.lights;
+        }
         if self.environment {
             scene.environment = look.environment;
         }
-        if self.light {
-            scene.lights = look.lights;
+        if let Some(sky) = self.sky.filter(|_| self.environment) {
+            set_sky(scene, sky, body);
         }
         if look.liquid.kind == Kind::Opaque && self.absorption {
             scene.liquid = look.liquid;
@@ -150,6 +156,18 @@ impl Automatic {
         if self.patterns {
             scene.settings.refract.filter_patterns = look.settings.refract.filter_patterns;
         }
+    }
+}
+
+/// Gives a scene the sky of a look. Its sun stays where it is.
+pub(crate) fn set_sky(scene: &mut Scene, look: Look, body: &Body) {
+    scene.environment = look.scene(body).environment;
+    let sun = scene.lights.iter().find_map(|light| match light {
+        Light::Sun { direction, .. } => Some(-*direction),
+        _ => None,
+    });
+    if let Some(towards) = sun {
+        scene.environment.turn_sun(towards);
     }
 }
 

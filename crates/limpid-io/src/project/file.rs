@@ -40,6 +40,8 @@ struct SceneFile {
     #[serde(skip_serializing_if = "Option::is_none")]
     look: Option<Look>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    sky: Option<Look>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     floor: Option<toml::Value>,
     particles: Option<ParticleSource>,
     #[serde(default)]
@@ -125,6 +127,11 @@ impl Project {
         lengths::check::<SceneFile>(&given_keys).map_err(fail)?;
         let mut automatic = automatic(&file, &given_keys);
         let floor = file.floor.as_ref().map(floor).transpose().map_err(fail)?;
+        if file.sky.is_some() && file.environment.is_some() {
+            return Err(fail(
+                "takes one of [environment] and sky, the look whose sky it is".into(),
+            ));
+        }
         let mut solid_files = SolidFiles::with(given);
         let budget = Budget::of_meshes();
         let (given, bodies) = (std::mem::take(&mut file.solid), file.rigid_bodies.as_ref());
@@ -233,6 +240,7 @@ impl Project {
         }
         let file = SceneFile {
             look: automatic.map(|automatic| automatic.look),
+            sky: automatic.filter(|automatic| automatic.environment).and_then(|own| own.sky),
             floor: automatic.and_then(|automatic| automatic.floor(scene)),
             particles,
             fluid,
@@ -414,6 +422,7 @@ fn automatic(file: &SceneFile, table: &toml::Table) -> Option<Automatic> {
     Some(Automatic {
         look: file.look.unwrap_or_default(),
         environment: file.environment.is_none(),
+        sky: file.sky,
         // Known with the solids.
         ground: true,
         height: None,
