@@ -88,8 +88,7 @@ impl Project {
                 continue;
             }
             let mut alone = toml::Table::new();
-            let is_single = !["recipe", "simulation"].contains(&name);
-            alone.insert(name.into(), if is_single { shortened(section) } else { section });
+            alone.insert(name.into(), section);
             let text = toml::to_string(&alone).map_err(|e| fail(&e))?;
             commented += &format!("\n# {comment}\n{}", with_meanings(&text));
         }
@@ -106,7 +105,7 @@ fn changed(settings: &Settings) -> toml::Table {
     let mut passes = toml::Table::new();
     for control in CONTROLS.iter().filter(|control| control.of(&given) != control.of(&default)) {
         let pass = passes.entry(control.pass).or_insert_with(|| toml::Table::new().into());
-        let value = shortened(given[control.pass][control.key].clone());
+        let value = given[control.pass][control.key].clone();
         if let Some(pass) = pass.as_table_mut() {
             pass.insert(control.key.into(), value);
         }
@@ -114,41 +113,6 @@ fn changed(settings: &Settings) -> toml::Table {
     let mut file = toml::Table::new();
     file.insert("settings".into(), passes.into());
     file
-}
-
-/// Keys of 64-bit numbers.
-const WIDE: [&str; 12] = [
-    "eye",
-    "target",
-    "origin",
-    "min",
-    "max",
-    "center",
-    "position",
-    "fps",
-    "scale",
-    "translate",
-    "quaternion",
-    "frame",
-];
-
-/// Replaces the 32-bit floats of a section, which TOML holds as 64-bit ones, by the numbers with the
-/// fewest digits that read back as the same 32-bit floats.
-fn shortened(value: toml::Value) -> toml::Value {
-    match value {
-        toml::Value::Float(x) => toml::Value::Float((x as f32).to_string().parse().unwrap_or(x)),
-        toml::Value::Array(values) => {
-            toml::Value::Array(values.into_iter().map(shortened).collect())
-        }
-        toml::Value::Table(table) => {
-            let short = |(key, value): (String, toml::Value)| {
-                let wide = WIDE.contains(&key.as_str());
-                (key, if wide { value } else { shortened(value) })
-            };
-            toml::Value::Table(table.into_iter().map(short).collect())
-        }
-        other => other,
-    }
 }
 
 /// Adds the meaning of each key at the end of its line.

@@ -257,7 +257,9 @@ impl Project {
             settings: SettingsFile::of(&scene.settings),
         };
         let fail = |e: &dyn std::fmt::Display| Error::Usage(format!("the scene: {e}"));
-        let mut file = toml::Table::try_from(&file).map_err(|e| fail(&e))?;
+        // By its text, which has the fewest digits of 32-bit floats; a table has 64-bit ones.
+        let text = toml::to_string(&file).map_err(|e| fail(&e))?;
+        let mut file: toml::Table = text.parse().map_err(|e| fail(&e))?;
         if *processor != Processor::default() {
             put_processor(&mut file, *processor);
         }
