@@ -61,6 +61,9 @@ pub struct Project {
     pub processor: Processor,
     /// The attribute that colours an opaque body, if its particles do not share one colour.
     pub color_by: Option<ColorBy>,
+    /// Length of clear liquid behind which the colours of its particles are seen, m; `None` if it is the body's
+    /// [thickness](Body::thickness).
+    pub tint_thickness: Option<f64>,
     /// Colours of the opaque fluids among several, linear RGB from 0 to 1: of each fluid, if it is opaque. Empty if none is.
     pub opaque_fluids: Vec<Option<Vec3>>,
     /// The parts of the scene that a look provides once the particles are known; `None` if the scene is

@@ -26,7 +26,7 @@ const SECTIONS: [(&str, &str); 12] = [
 ];
 
 /// The meaning of keys, by section; an empty section stands for all.
-const KEYS: [(&str, &str, &str); 35] = [
+const KEYS: [(&str, &str, &str); 36] = [
     ("particles", "radius", "m; for files without radii"),
     ("particles", "frame", "the frame that is drawn by default"),
     ("particles", "fps", "frames per second of the sequence"),
@@ -40,6 +40,7 @@ const KEYS: [(&str, &str, &str); 35] = [
     ("", "map", "arrays with other than the usual names: velocity=U,radius=h"),
     ("", "select", "which particles are read: type==1, mk in 1..3, or all"),
     ("liquid", "ior", "index of refraction: water 1.33, oil 1.47"),
+    ("liquid", "tint_thickness", "m of liquid behind which particles' own colours are seen"),
     ("liquid", "absorption", "1/m for red, green and blue; or color = [r, g, b] after a metre"),
     ("camera", "eye", "m"),
     ("camera", "target", "m"),

@@ -167,6 +167,10 @@ impl Project {
                            a plane as [[solid]], or a look";
             return Err(fail(problem.into()));
         }
+        let tint_thickness = file.liquid.tint_thickness;
+        if tint_thickness.is_some_and(|length| !(length > 0.0 && length.is_finite())) {
+            return Err(fail("[liquid] tint_thickness must be above 0 m".into()));
+        }
         let color_by = file.liquid.color_by().map_err(|e| fail(format!("[liquid] {e}")))?;
         let liquid = file.liquid.validated().map_err(|e| fail(format!("[liquid] {e}")))?;
         let fluids = std::mem::take(&mut file.fluid);
@@ -191,6 +195,7 @@ impl Project {
             views: file.view,
             processor,
             color_by,
+            tint_thickness,
             opaque_fluids,
             automatic,
         };
@@ -224,6 +229,7 @@ impl Project {
         if let Some(name) = automatic.and_then(|automatic| automatic.medium) {
             liquid = LiquidFile { ior: liquid.ior, ..LiquidFile::named(name) };
         }
+        liquid.tint_thickness = self.tint_thickness;
         let solids = scene.solids[..self.own_solids()].iter().enumerate();
         let solids = solids.map(|(i, solid)| SolidFile::of(solid, motion.of(i), solid_files));
         let (mut particles, mut fluid) = (None, Vec::new());

@@ -45,6 +45,8 @@ pub(super) struct LiquidFile {
     pub(super) colormap: Option<MapName>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) color_range: Option<[f32; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) tint_thickness: Option<f64>,
 }
 
 /// `liquid.kind`.
