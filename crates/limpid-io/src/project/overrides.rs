@@ -1,21 +1,22 @@
 //! Overrides: values of a project replaced by name, such as `refract.samples=4` or `liquid.ior=1.4`.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Deserialize as _;
 
-use super::Project;
 use super::sections::LiquidFile;
+use super::{Automatic, Project};
 use crate::error::{Error, Result, toml_error};
 use crate::shared_classifier::Processor;
+use limpid::look::Body;
 use limpid::scene::Medium;
 use limpid::settings::{Preset, Settings};
 
 impl Project {
-    /// Replaces values, in order. Each override is one of
+    /// Replaces values, in order. A look does not provide them any more. Each override is one of
     ///
     /// - `pass.name=value`, one of the [`Settings`];
     /// - `preset=NAME`, all settings but those of caustics and tone mapping;
-    /// - `liquid.ior=1.4`, `liquid.absorption=[1, 0.3, 0.1]`;
+    /// - `liquid.ior=1.4`, `liquid.absorption=[1, 0.3, 0.1]`, `liquid.tint_thickness=0.2`;
     /// - `liquid.kind=opaque`, `liquid.scattering=[20, 20, 20]`, `liquid.color_by=density` and the other keys of `[liquid]`
     ///   except `medium`;
     /// - `fluid.2.absorption=[0, 0, 5]`, `scattering` or `anisotropy` of one of several fluids, counted from 1;
@@ -35,6 +36,9 @@ impl Project {
 
     fn set_one(&mut self, text: &str) -> Result<(), String> {
         let (key, given) = split(text)?;
+        if let Some(automatic) = &mut self.automatic {
+            automatic.keep(key, &mut self.scene.settings);
+        }
         let scene = &mut self.scene;
         match key.split('.').collect::<Vec<_>>()[..] {
             ["classify", "on"] => self.processor = processor(value(given))?,
@@ -43,6 +47,13 @@ impl Project {
             }
             ["liquid", "absorption"] => {
                 scene.liquid.absorption = vector(number(given)?).map_err(|e| message(&e))?;
+            }
+            ["liquid", "tint_thickness"] => {
+                let length: f64 = number(given)?.try_into().map_err(|e| message(&e))?;
+                if !(length > 0.0 && length.is_finite()) {
+                    return Err("expected a length above 0 m".into());
+                }
+                self.tint_thickness = Some(length);
             }
             ["liquid", key] if LIQUID.contains(&key) => {
                 let (by, value) = (self.color_by.as_ref(), value(given));
@@ -66,6 +77,25 @@ impl Project {
             _ => scene.settings = with_one(&scene.settings, text)?,
         }
         Ok(())
+    }
+}
+
+impl Automatic {
+    /// Leaves a value to the scene, and with a setting those of its pass as the look has them.
+    fn keep(&mut self, key: &str, settings: &mut Settings) {
+        let own = || self.look.scene(&Body::filling(DVec3::ZERO, DVec3::ONE, 0.0)).settings;
+        match key.split_once('.') {
+            Some(("liquid", "ior" | "tint_thickness")) => {}
+            Some(("liquid", _)) => (self.absorption, self.medium) = (false, None),
+            Some(("caustics", _)) if self.caustics => {
+                (settings.caustics, self.caustics) = (own().caustics, false);
+            }
+            Some(("tonemap", _)) if self.tonemap => {
+                (settings.tonemap, self.tonemap) = (own().tonemap, false);
+            }
+            Some(("refract", "filter_patterns")) => self.patterns = false,
+            _ => {}
+        }
     }
 }
 

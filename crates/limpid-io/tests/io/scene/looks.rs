@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use limpid::environment::Environment;
 use limpid::liquid::Particles;
 use limpid::look::Framing;
 use limpid::scene::{Scene, Shape, Solid};
@@ -137,4 +138,67 @@ fn cameras_follow_the_shape_of_the_picture() {
     assert_eq!(of(own, 0.5, true).camera, of(own, 2.0, false).camera);
     // The tank around the liquid is shown too.
     assert!(distance(&of(BOX, 4.0 / 3.0, false)) > 1.2 * distance(&usual));
+}
+
+/// The sky of one look goes with the rest of another, beside the scene's own light, and is written as it was read.
+#[test]
+fn skies_are_of_another_look() {
+    let scene = |text: &str| opened(text, &Request::default()).project.scene;
+    let (night, day) = (scene("look = \"night\""), scene("look = \"daylight\""));
+    let text = "look = \"night\"\nsky = \"daylight\"";
+    let both = scene(text);
+    assert_eq!((&both.lights, &both.settings), (&night.lights, &night.settings));
+    let zenith = |scene: &Scene| match scene.environment {
+        Environment::Sky { zenith, .. } => zenith,
+        ref other => panic!("{other:?}"),
+    };
+    assert_eq!(zenith(&both), zenith(&day));
+    let project = parse(text).unwrap();
+    assert_eq!(parse(&project.to_toml(None).unwrap()).unwrap(), project);
+    let problem =
+        parse("sky = \"pool\"\n[environment]\nradiance = [1, 1, 1]").unwrap_err().to_string();
+    assert!(problem.contains("[environment] and sky"), "{problem}");
+}
+
+/// A value that is set is not the look's any more; the others of its pass are as the look has them.
+#[test]
+fn looks_leave_values_that_were_set() {
+    let mut project = parse("").unwrap();
+    let set = ["liquid.absorption=[0, 0, 7]", "tonemap.exposure=1.5", "caustics.blur=0.5"];
+    project.set(&set.map(str::to_owned)).unwrap();
+    let written = parse(&project.to_toml(None).unwrap()).unwrap();
+    assert_eq!(written, project);
+    let bare = opened("", &Request::default());
+    let opened = opened(&project.to_toml(None).unwrap(), &Request::default());
+    let (scene, look) = (opened.project.scene, bare.project.scene);
+    assert_eq!(scene.liquid.absorption, Vec3::new(0.0, 0.0, 7.0));
+    assert_eq!(
+        (scene.settings.tonemap.exposure, scene.settings.tonemap.curve),
+        (1.5, look.settings.tonemap.curve)
+    );
+    assert_eq!(
+        (scene.settings.caustics.blur, scene.settings.caustics.grid),
+        (0.5, look.settings.caustics.grid)
+    );
+    assert_eq!(scene.environment, look.environment);
+}
+
+/// Scene files have the fewest digits of 32-bit floats, and all of 64-bit ones.
+#[test]
+fn numbers_are_written_with_their_own_digits() {
+    let text = "[liquid]\ntint_thickness = 0.1\nabsorption = [0.1, 0.2, 0.3]\n[[solid]]\nshape = \"sphere\"\n\
+                center = [0.10000000149011612, 0.1, 0]\nradius = 0.1\n";
+    let project = parse(text).unwrap();
+    let written = project.to_toml(None).unwrap();
+    for line in [
+        "tint_thickness = 0.1",
+        "absorption = [0.1, 0.2, 0.3]",
+        "radius = 0.1",
+        "center = [0.10000000149011612, 0.1, 0.0]",
+    ] {
+        assert!(written.lines().any(|own| own == line), "{line} in {written}");
+    }
+    assert_eq!(parse(&written).unwrap(), project);
+    let problem = parse("[liquid]\ntint_thickness = 0").unwrap_err().to_string();
+    assert!(problem.contains("tint_thickness must be above 0"), "{problem}");
 }
