@@ -10,6 +10,8 @@ mod ply;
 pub mod rigid_bodies;
 mod stl;
 
+pub(crate) use ply::write as ply;
+
 use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::io;

@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3};
-use limpid::mesh::Material;
+use limpid::mesh::{Material, MeshData};
 
 use super::{Builder, Vertex};
 use crate::error::{Error, Result};
@@ -60,6 +60,30 @@ fn texture(header: &[u8], mesh: &mut Builder<'_>) -> Result<()> {
         mesh.mesh.data.materials.push(material);
     }
     Ok(())
+}
+
+/// The bytes of a mesh's file: its triangles, with texture coordinates if it has them.
+pub(crate) fn write(mesh: &MeshData) -> Vec<u8> {
+    let has_coordinates = !mesh.coordinates.is_empty();
+    let coordinates = if has_coordinates { "property float s\nproperty float t\n" } else { "" };
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\n\
+         property double z\n{coordinates}element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
+        mesh.positions.len(),
+        mesh.triangles.len()
+    )
+    .into_bytes();
+    for (i, position) in mesh.positions.iter().enumerate() {
+        bytes.extend(position.to_array().iter().flat_map(|x| x.to_le_bytes()));
+        if has_coordinates {
+            bytes.extend(mesh.coordinates[i].to_array().iter().flat_map(|x| x.to_le_bytes()));
+        }
+    }
+    for triangle in &mesh.triangles {
+        bytes.push(3);
+        bytes.extend(triangle.iter().flat_map(|corner| corner.to_le_bytes()));
+    }
+    bytes
 }
 
 fn vertices(

@@ -71,6 +71,10 @@ impl FileKind {
         Self { head: 16, ..Self::new("a picture", |file| file.has_any(&PICTURES)) };
     /// A video, an animated GIF or PNG.
     pub const FILM: Self = Self { head: 16, ..Self::new("a film", |file| file.has_any(&FILMS)) };
+    /// A PLY mesh.
+    pub const MESH: Self = Self::new("a mesh in PLY", |file| {
+        file.begins("ply\n") && file.text().contains("element face")
+    });
     /// JSON of `limpid render --stats` or `limpid report`.
     pub const MEASUREMENTS: Self =
         Self::new("statistics or a report of limpid", |file| file.is_json("adapter"));

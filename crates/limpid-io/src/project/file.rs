@@ -1,5 +1,6 @@
 //! Scene files: parsing and validation of their TOML, and writing that reads back as the same project.
 
+use std::ffi::OsStr;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -183,6 +184,7 @@ impl Project {
             file.environment.unwrap_or_default().validated(folder, load_map, given, &fail)?;
         let background = file.background.map(|background| folder.join(background.file));
         let background = background.map(|file| solid_files.texture(&file, &budget)).transpose()?;
+        solid_files.complete();
         let settings = file.settings.validated(&given_keys).map_err(at_line)?;
         let lights = file.light;
         let project = Self {
@@ -292,18 +294,20 @@ impl Project {
     }
 
     /// Writes a scene file that is valid in any folder: particle files below its folder by their
-    /// relative path, others by their absolute path, an environment map beside it as
-    /// `NAME.environment.exr`.
+    /// relative path, others by their absolute path; beside it an environment map as
+    /// `NAME.environment.exr`, and meshes and textures that no file holds as `NAME.mesh-1.ply` and `NAME.texture-1.png`.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file, and [`Error::Usage`] for a mesh or texture without one; no unfinished file is
-    /// left.
+    /// [`Error::Io`] naming the file; no unfinished file is left.
     pub fn save(&self, path: &Path) -> Result<()> {
         // Checked before the map is written.
         FILE_KIND.check(path)?;
         for (path, bytes) in self.to_files(path)? {
-            let is_scene = path.extension().is_some_and(|extension| extension != "exr");
-            let kind = if is_scene { FILE_KIND } else { FileKind::PICTURE };
+            let kind = match path.extension().and_then(OsStr::to_str) {
+                Some("exr" | "png") => FileKind::PICTURE,
+                Some("ply") => FileKind::MESH,
+                _ => FILE_KIND,
+            };
             write_atomically(&path, kind, |file| file.write_all(&bytes))?;
         }
         Ok(())
@@ -314,10 +318,9 @@ impl Project {
     /// # Errors
     /// As [`Project::save`].
     pub fn to_files(&self, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>> {
-        self.solid_files.check_files()?;
-        let mut files = Vec::new();
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut project = self.clone();
+        let mut files = project.solid_files.name_given(path)?;
         for particles in project.source.files_mut() {
             particles.source = relative_to(folder, &particles.source);
         }

@@ -12,6 +12,7 @@ use super::motion::{self, KeyFile, Motion};
 use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::meshes;
+use crate::output;
 use limpid::environment::Environment;
 use limpid::mesh::{Mesh, MeshData, Placement, Texture};
 use limpid::scene::{Shape, Solid, Surface};
@@ -38,6 +39,8 @@ pub struct Given {
     pub environments: Vec<(PathBuf, Environment)>,
     /// Textures and backgrounds by their names in the text.
     pub textures: Vec<(PathBuf, Arc<Texture>)>,
+    /// The files of a scene of which this one is a variant: their meshes are not read again.
+    pub like: Option<Arc<SolidFiles>>,
 }
 
 impl Given {
@@ -53,6 +56,11 @@ impl SolidFiles {
         Self { given, ..Self::default() }
     }
 
+    /// Keeps what the scene has, and no more of another one.
+    pub(super) fn complete(&mut self) {
+        self.given.like = None;
+    }
+
     pub(super) fn given(&self) -> &Given {
         &self.given
     }
@@ -64,6 +72,13 @@ impl SolidFiles {
         }
         let texture = source.texture.as_deref();
         let texture = texture.map(|texture| self.texture(texture, budget)).transpose()?;
+        let of_like = |like: &SolidFiles| {
+            like.meshes.iter().find(|(_, known)| *known == source).map(|(mesh, _)| mesh.clone())
+        };
+        if let Some(mesh) = self.given.like.as_deref().and_then(of_like) {
+            self.meshes.push((mesh.clone(), source));
+            return Ok(mesh);
+        }
         if let Some(data) = Given::find(&self.given.meshes, &source.file) {
             let mesh = Arc::new(source.mesh(&source.file, data.clone(), texture.as_ref())?);
             self.meshes.push((mesh.clone(), source));
@@ -118,21 +133,37 @@ impl SolidFiles {
         known.map(|(_, file)| file.as_path())
     }
 
-    /// Fails if a scene file cannot name a mesh or a texture, which is in memory alone.
+    /// Gives meshes and textures that are in memory alone files beside the scene file at `path`, and returns those with
+    /// their contents.
     ///
     /// # Errors
-    /// [`Error::Usage`].
-    pub(super) fn check_files(&self) -> Result<()> {
-        let unnamed = |what: &str| Err(Error::Usage(format!("a {what} needs a file of its own")));
-        let meshes = &self.given.meshes;
-        if self.meshes.iter().any(|(_, source)| Given::find(meshes, &source.file).is_some()) {
-            return unnamed("mesh");
+    /// [`Error::Io`] for a texture that cannot be encoded.
+    pub(super) fn name_given(&mut self, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>> {
+        let mut files: Vec<(PathBuf, Vec<u8>)> = Vec::new();
+        let mut renamed: Vec<(PathBuf, PathBuf)> = Vec::new();
+        for (_, source) in &self.meshes {
+            let known = renamed.iter().any(|(given, _)| *given == source.file);
+            let data = Given::find(&self.given.meshes, &source.file).filter(|_| !known);
+            if let Some(data) = data {
+                let file = path.with_extension(format!("mesh-{}.ply", files.len() + 1));
+                files.push((file.clone(), meshes::ply(data)));
+                renamed.push((source.file.clone(), file));
+            }
         }
-        let textures = &self.given.textures;
-        match self.textures.iter().any(|(_, file)| Given::find(textures, file).is_some()) {
-            true => unnamed("texture"),
-            false => Ok(()),
+        let of_meshes = files.len();
+        for (texture, given) in &self.textures {
+            if Given::find(&self.given.textures, given).is_some() {
+                let number = files.len() - of_meshes + 1;
+                let file = path.with_extension(format!("texture-{number}.png"));
+                files.push((file.clone(), png(&file, texture)?));
+                renamed.push((given.clone(), file));
+            }
         }
+        self.map_paths(|path| {
+            let file = renamed.iter().find(|(given, _)| given == path);
+            file.map_or_else(|| path.to_owned(), |(_, file)| file.clone())
+        });
+        Ok(files)
     }
 
     /// Changes the paths, for a scene file in another folder.
@@ -145,6 +176,16 @@ impl SolidFiles {
             *file = map(file);
         }
     }
+}
+
+/// The bytes of a texture's PNG; `path` is for messages.
+fn png(path: &Path, texture: &Texture) -> Result<Vec<u8>> {
+    let size = texture.size();
+    let picture = image::RgbaImage::from_raw(size.x, size.y, texture.pixels().concat());
+    let picture = picture.expect("each pixel has four bytes").into();
+    let mut bytes = Vec::new();
+    output::encode_png(&mut bytes, &picture, &[]).map_err(|e| Error::io(path, "encode", e))?;
+    Ok(bytes)
 }
 
 #[derive(Default, Serialize, Deserialize)]

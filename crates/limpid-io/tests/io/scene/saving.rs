@@ -8,7 +8,7 @@ use glam::{DVec3, UVec2};
 use image::{Rgb, Rgb32FImage};
 use limpid::environment::Environment;
 use limpid::mesh::{MeshData, Texture};
-use limpid::scene::{Light, Shape, Surface};
+use limpid::scene::{Light, Scene, Shape, Surface};
 use limpid_io::project::{Given, Project};
 
 /// Every example scene is written and read back as the same scene.
@@ -104,6 +104,7 @@ fn scenes_name_what_is_in_memory() {
         meshes: vec![("triangle".into(), triangle)],
         environments: vec![("sky".into(), map.clone())],
         textures: vec![("paint".into(), texture.clone())],
+        ..Given::default()
     };
     let text = "environment = { map = \"sky\" }\nsolid = [\n\
         { shape = \"mesh\", file = \"triangle\", scale = 2 },\n\
@@ -121,10 +122,25 @@ fn scenes_name_what_is_in_memory() {
 
     let again = parse(&project.to_toml(Some("sky")).unwrap(), &given).unwrap();
     assert_eq!(again.scene, project.scene);
+    // A variant has the mesh, not another of the same data.
+    let like = Some(Arc::new(project.solid_files.clone()));
+    let given_too = Given { like, ..given.clone() };
+    let variant = parse(&format!("look = \"pool\"\n{text}"), &given_too).unwrap();
+    let Shape::Mesh { mesh: same, .. } = &variant.scene.solids[0].shape else { panic!("a mesh") };
+    assert!(Arc::ptr_eq(same, mesh));
     let folder = tempfile::tempdir().unwrap();
-    let error = project.save(&folder.path().join("scene.toml")).unwrap_err().to_string();
-    assert!(error.contains("mesh needs a file"), "{error}");
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    let path = folder.path().join("scene.toml");
+    // Twice: files of the same kind are replaced.
+    project.save(&path).unwrap();
+    project.save(&path).unwrap();
+    let loaded = Project::load(&path).unwrap().scene;
+    let shapes =
+        |scene: &Scene| scene.solids.iter().map(|solid| solid.shape.clone()).collect::<Vec<_>>();
+    assert_eq!(shapes(&loaded), shapes(&project.scene));
+    assert_eq!(
+        (loaded.environment, &loaded.solids[1].surface),
+        (map, &project.scene.solids[1].surface)
+    );
     let unknown = parse(text, &Given::default()).unwrap_err().to_string();
     assert!(unknown.contains("triangle"), "{unknown}");
 }
