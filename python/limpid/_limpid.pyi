@@ -33,7 +33,7 @@ class Camera:
     Raises
     ------
     SceneError
-        If the values define no view.
+        Naming the argument, if the values define no view.
     """
 
     def __new__(
@@ -41,7 +41,7 @@ class Camera:
         eye: _Vector,
         target: _Vector,
         fov_y: float = 40.0,
-        up: _Vector = ...,
+        up: _Vector = (0.0, 1.0, 0.0),
         near: float | None = None,
     ) -> Camera: ...
     @staticmethod
@@ -49,18 +49,80 @@ class Camera:
         eye: _Vector,
         target: _Vector,
         height: float,
-        up: _Vector = ...,
+        up: _Vector = (0.0, 1.0, 0.0),
         near: float | None = None,
     ) -> Camera:
-        """A camera with parallel rays; `height` is that of what the picture shows, m."""
+        """A camera with parallel rays.
+
+        Parameters
+        ----------
+        eye, target, up, near : optional
+            As for `Camera`.
+        height : float
+            Height of what the picture shows, m.
+        """
+
+    @staticmethod
+    def orbit(
+        target: _Vector,
+        distance: float,
+        azimuth: float = 25.0,
+        elevation: float = 20.0,
+        fov_y: float = 40.0,
+        up: _Vector = (0.0, 1.0, 0.0),
+    ) -> Camera:
+        """A camera on a sphere around its target.
+
+        Parameters
+        ----------
+        target : three numbers
+            The point in the middle of the picture, m.
+        distance : float
+            Of the eye from the target, m.
+        azimuth : float
+            Direction of the eye, degrees: where y is up, from +z towards +x; where z is up, from -y
+            towards +x.
+        elevation : float
+            Height of the eye above the horizon, degrees, -90 to 90.
+        fov_y, up : optional
+            As for `Camera`.
+        """
+
+    @staticmethod
+    def fit(
+        points: Any,
+        azimuth: float = 25.0,
+        elevation: float = 20.0,
+        fov_y: float = 40.0,
+        up: _Vector = (0.0, 1.0, 0.0),
+        size: Sequence[int] = (1024, 768),
+    ) -> Camera:
+        """The camera that sees all points from a direction, and comes as near as it can.
+
+        Parameters
+        ----------
+        points : (n, 3) array of floats, or Particles
+            m.
+        azimuth, elevation, fov_y, up : optional
+            As for `Camera.orbit`.
+        size : two integers
+            Width and height of the picture, pixels.
+        """
 
     @staticmethod
     def from_matrices(view: _Rows, projection: _Rows, *, opengl: bool = False) -> Camera:
-        """The camera of a program that has matrices, of shape (4, 4), which multiply columns.
+        """The camera of a program that has matrices, which multiply columns. It may be perspective or
+        orthographic, off-centre, and of reversed depth.
 
-        `view` takes the world to view space (x right, y up, looking down -z), `projection` takes that
-        to clip space as in WebGPU, Vulkan, Metal and DirectX (depth from 0 to 1), or with `opengl`
-        from -1 to 1. It may be perspective or orthographic, off-centre, and of reversed depth.
+        Parameters
+        ----------
+        view : (4, 4) array
+            From the world to view space: x right, y up, looking down -z.
+        projection : (4, 4) array
+            From view space to clip space.
+        opengl : bool
+            Whether depth in clip space is from -1 to 1, and not from 0 to 1 as in WebGPU, Vulkan, Metal
+            and DirectX.
         """
 
     @property
@@ -94,6 +156,20 @@ class Camera:
         ------
         ValueError
             For a camera from matrices, which has no target.
+        """
+
+    def look_at(self, target: _Vector) -> Camera:
+        """The camera at its place, aimed at another point.
+
+        Parameters
+        ----------
+        target : three numbers
+            The point, m.
+
+        Raises
+        ------
+        ValueError
+            For a camera from matrices.
         """
 
     @staticmethod

@@ -9,6 +9,7 @@ mod device;
 mod errors;
 mod film;
 mod frames;
+mod numbers;
 mod pictures;
 mod scene;
 mod work;

@@ -16,6 +16,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::numbers::short;
 use crate::work;
 
 /// The colours of an array of shape (height, width, 3 or 4).
@@ -68,12 +69,12 @@ pub(crate) fn png<'py>(
 
 /// Name and unit of values, and the map and the range that show them.
 #[derive(FromPyObject, IntoPyObject)]
-pub(crate) struct Scale(String, String, String, (f32, f32));
+pub(crate) struct Scale(String, String, String, (f64, f64));
 
 impl From<ColorScale> for Scale {
     fn from(scale: ColorScale) -> Self {
         let ColorScale { name, unit, map, range: [low, high], .. } = scale;
-        Self(name, unit, map.to_string(), (low, high))
+        Self(name, unit, map.to_string(), (short(low), short(high)))
     }
 }
 
@@ -86,7 +87,8 @@ pub(crate) fn legend<'py>(
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let Scale(name, unit, map, (low, high)) = scale;
     let map: MapName = map.parse().map_err(PyValueError::new_err)?;
-    let scale = ColorScale { name, unit, map, range: [low, high], automatic: false };
+    let range = [low as f32, high as f32];
+    let scale = ColorScale { name, unit, map, range, automatic: false };
     let mut picture = picture(rgba.try_readonly()?.as_array(), true)?;
     overlay::draw_legend(&mut picture, &scale);
     let shape = [picture.height() as usize, picture.width() as usize, 4];
