@@ -23,6 +23,7 @@ def main() -> None:
     grid = np.stack(np.meshgrid(np.arange(50), np.arange(20), np.arange(40)), axis=-1)
     positions = 0.02 * (grid.reshape(-1, 3) + rng.uniform(-0.1, 0.1, (40_000, 3)))
     scene = limpid.Scene(
+        look=None,
         environment=(0.7, 0.8, 0.9),
         solids=[limpid.Plane((0, -0.01, 0), checker=limpid.Checker(0.1))],
         camera=limpid.Camera((1.6, 1.2, 2.4), (0.5, 0.15, 0.4)),

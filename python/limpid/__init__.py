@@ -30,6 +30,10 @@ from ._world import (
     Sun,
 )
 
+for _kind in (Error, SceneError, FileError, NoAdapter, DeviceLost, LimpidWarning):
+    # Under the names by which users catch them.
+    _kind.__module__ = "limpid"
+
 __all__ = [
     "Box",
     "Camera",

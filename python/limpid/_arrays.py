@@ -130,7 +130,8 @@ def particle_arrays(
         return of_length(name, numbers(name, value, shape), count)
 
     def column(name: str, value: Any) -> npt.NDArray[Any] | None:
-        array = rows(name, value, ("n",))
+        is_column = np.ndim(value) == 2 and np.shape(value)[1] == 1
+        array = rows(name, value, ("n", 1) if is_column else ("n",))
         return None if array is None else array.reshape(count, 1)
 
     shapes = rows("ellipsoids", ellipsoids, ("n", 3, 3))

@@ -6,9 +6,8 @@ import atexit
 import os
 import re
 import sys
-import warnings
 import weakref
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Union
 
 import numpy as np
@@ -17,14 +16,14 @@ import numpy.typing as npt
 from . import _limpid
 from ._arrays import particle_arrays, placed, radius_of, samples_of, size_of, up_of
 from ._coloring import coloring
-from ._errors import LimpidWarning
+from ._errors import warn
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture
 from ._scene import Scene
-from ._world import PathLike
+from ._world import PathLike, Up
 
-SceneLike = Union[Scene, PathLike]
+SceneLike = Union[Scene, PathLike, Mapping[str, Any]]
 
 _open: weakref.WeakSet[Drawing] = weakref.WeakSet()
 
@@ -99,7 +98,7 @@ class Drawing:
         samples: int | None = None,
         aovs: Iterable[str] = (),
         alpha: bool = False,
-        up: str | None = None,
+        up: Up = None,
         frame: int = 0,
         thickness: float | None = None,
         views: Sequence[Camera] = (),
@@ -168,7 +167,7 @@ class Drawing:
             words = re.sub(r"[0-9.,]+", "", notice)
             if words not in self._issued:
                 self._issued.add(words)
-                warnings.warn(notice, LimpidWarning, stacklevel=_level_of_caller())
+                warn(notice)
 
 
 def scene_of(scene: Any) -> Scene | None:
@@ -176,7 +175,9 @@ def scene_of(scene: Any) -> Scene | None:
         return scene
     if isinstance(scene, (str, os.PathLike)):
         return Scene.load(scene)
-    raise ValueError(f"scene is {scene!r}; expected a limpid.Scene or the path of a scene file")
+    if isinstance(scene, Mapping):
+        return Scene.from_dict(scene)
+    raise ValueError(f"scene is {scene!r}; expected a limpid.Scene, or the path or the tables of a scene file")
 
 
 def _names(aovs: Any) -> list[str]:
@@ -186,14 +187,6 @@ def _names(aovs: Any) -> list[str]:
         return [str(name).strip() for name in aovs]
     except TypeError:
         raise ValueError(f"aovs is {aovs!r}; expected names of images") from None
-
-
-def _level_of_caller() -> int:
-    """The level, for `warnings.warn`, of the code that called this package."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("limpid."):
-        level, frame = level + 1, frame.f_back
-    return level
 
 
 def _finish() -> None:

@@ -1,5 +1,8 @@
 """Exceptions and warnings."""
 
+import sys
+import warnings
+
 
 class Error(Exception):
     """Any failure of limpid that no other exception names."""
@@ -26,3 +29,11 @@ class DeviceLost(Error):
 
 class LimpidWarning(UserWarning):
     """A likely reason for an unexpected picture: a wrong unit, particles outside the picture."""
+
+
+def warn(text: str) -> None:
+    """Warns the code that called this package."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("limpid."):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, LimpidWarning, stacklevel=level + 1)

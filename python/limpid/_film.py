@@ -18,7 +18,7 @@ from ._drawing import Drawing, SceneLike, scene_of
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture, title_of
-from ._world import PathLike
+from ._world import PathLike, Up
 
 
 class Film(Closing, Iterator[Picture]):
@@ -39,7 +39,7 @@ class Film(Closing, Iterator[Picture]):
         camera: Camera | Iterable[Camera] | None,
         size: Sequence[int],
         samples: int | None,
-        up: str | None,
+        up: Up,
     ) -> None:
         self._drawing = drawing
         self._size = size_of(size)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from . import _limpid
 from ._arrays import numbers, particle_arrays, radius_of
+from ._attributes import Strict
 from ._errors import LimpidWarning
 from ._world import PathLike
 
@@ -23,7 +24,7 @@ Floats = npt.NDArray[np.floating[Any]]
 
 
 @dataclass(repr=False, eq=False)
-class Particles:
+class Particles(Strict):
     """One frame of particles; attributes that are not known are ``None``.
 
     Attributes

@@ -24,6 +24,9 @@ class Images(dict[str, npt.NDArray[np.float32]]):
         there = ", ".join(self) or "none"
         raise KeyError(f"{name}: not among the images that were asked for by aovs; there are: {there}")
 
+    def __repr__(self) -> str:
+        return "{" + ", ".join(f"{name!r}: {image.shape}" for name, image in self.items()) + "}"
+
 
 class Picture:
     """A picture of particles.

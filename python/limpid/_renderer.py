@@ -20,7 +20,7 @@ from ._film import Film
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture
-from ._world import PathLike
+from ._world import PathLike, Up
 
 
 class Renderer(Closing):
@@ -81,7 +81,7 @@ class Renderer(Closing):
         samples: int | None = None,
         aovs: Iterable[str] = (),
         alpha: bool = False,
-        up: str | None = None,
+        up: Up = None,
         frame: int = 0,
     ) -> Picture:
         """Draws particles.
@@ -90,7 +90,7 @@ class Renderer(Closing):
         ----------
         positions : (n, 3) array of floats, or Particles
             Centres, m. Arrays may have any order and strides, and are copied once.
-        radius : float or (n,) array, optional
+        radius : float, or (n,) or (n, 1) array, optional
             Particle radius, m, half the usual spacing; if it is not given, it is estimated from the
             spacing.
         velocities : (n, 3) array of floats, optional
@@ -114,9 +114,10 @@ class Renderer(Closing):
             ``"cividis"``, ``"turbo"``, ``"coolwarm"``, ``"spectral"`` or ``"greys"``.
         range : (low, high), optional
             Values of its first and last colour; ``None`` or ``"auto"`` for the 2nd to 98th percentile of
-            these values. ``picture.range`` has it, for the next picture.
-        scene : Scene or path, optional
-            Everything else; a studio is made to fit by default.
+            these values, which ``"auto"`` prefers to a range of the scene. The picture's scene keeps it.
+        scene : Scene, path or mapping, optional
+            Everything else: a scene, or the path or the tables of a scene file; a studio is made to fit by
+            default.
         camera : Camera, optional
             In the world of the positions; that of the scene, or one that sees all particles, by
             default.
@@ -201,7 +202,7 @@ class Renderer(Closing):
         size: Sequence[int] = (256, 256),
         samples: int | None = None,
         alpha: bool = False,
-        up: str | None = None,
+        up: Up = None,
         frame: int = 0,
     ) -> npt.NDArray[np.uint8]:
         """Draws particles from several cameras, for instance to train on the pictures.
@@ -269,7 +270,7 @@ class Renderer(Closing):
         camera: Camera | Iterable[Camera] | None = None,
         size: Sequence[int] = (1024, 768),
         samples: int | None = None,
-        up: str | None = None,
+        up: Up = None,
     ) -> Film:
         """Draws a film, picture by picture.
 

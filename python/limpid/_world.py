@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import Any, Union
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, Optional, Union, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,10 @@ import numpy.typing as npt
 from ._arrays import Vector
 
 PathLike = Union[str, "os.PathLike[str]"]
+Look = Optional[Literal["studio", "daylight", "pool", "night", "chart", "paint"]]
+Up = Optional[Literal["y", "z"]]
+
+LOOKS: tuple[str, ...] = get_args(get_args(Look)[0])
 
 
 @dataclass(frozen=True)
@@ -54,11 +58,14 @@ class Key:
         Position of a mesh, m; of other shapes, how far they have moved.
     rotate : four numbers, optional
         Axis and degrees; of meshes.
+    quaternion : four numbers, optional
+        x, y, z, w, instead of `rotate`.
     """
 
     frame: float
     translate: Vector | None = None
     rotate: Vector | None = None
+    quaternion: Vector | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +95,18 @@ class _Solid:
     tile: float | None = field(default=None, kw_only=True)
     lit: bool = field(default=False, kw_only=True)
     keys: Iterable[Key] = field(default=(), kw_only=True)
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        return all(_same(getattr(self, entry.name), getattr(other, entry.name)) for entry in fields(self))
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _same(a: Any, b: Any) -> bool:
+    is_data = not (a is None or b is None or isinstance(a, str) or isinstance(b, str))
+    return np.array_equal(a, b) if is_data else a == b
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,12 +146,13 @@ class Sphere(_Solid):
 
 @dataclass(frozen=True, eq=False)
 class Mesh(_Solid):
-    """A triangle mesh from a file or from arrays. A closed one has an inside.
+    """A triangle mesh from a file, from arrays, or of trimesh, PyVista or Open3D. A closed one has an inside.
 
     Parameters
     ----------
-    file : path, optional
-        A glTF, OBJ, PLY or STL file; a pattern as ``pump_####.obj`` has a mesh for each frame.
+    file : path or mesh, optional
+        A glTF, OBJ, PLY or STL file; a pattern as ``pump_####.obj`` has a mesh for each frame. Or an
+        object with `vertices` and `faces` or `triangles`, or a PyVista mesh, whose arrays are taken.
     vertices : (v, 3) array of floats, optional
         Corners of the triangles, m, instead of a file.
     faces : (f, 3) array of integers, optional
@@ -153,7 +173,7 @@ class Mesh(_Solid):
         Whether textures are upside down.
     """
 
-    file: PathLike | None = None
+    file: PathLike | Any = None
     vertices: npt.ArrayLike | None = field(default=None, kw_only=True)
     faces: npt.ArrayLike | None = field(default=None, kw_only=True)
     coordinates: npt.ArrayLike | None = field(default=None, kw_only=True)
@@ -163,6 +183,29 @@ class Mesh(_Solid):
     quaternion: Vector | None = field(default=None, kw_only=True)
     scale: float | None = field(default=None, kw_only=True)
     flip: bool | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if self.file is not None and not isinstance(self.file, (str, os.PathLike)) and self.vertices is None:
+            vertices, faces = _triangles(self.file)
+            for name, value in (("file", None), ("vertices", vertices), ("faces", faces)):
+                object.__setattr__(self, name, value)
+
+
+def _triangles(mesh: Any) -> tuple[Any, Any]:
+    """Vertices and faces of a mesh of another package."""
+    if hasattr(mesh, "extract_surface") and not hasattr(mesh, "is_all_triangles"):
+        mesh = mesh.extract_surface()
+    if hasattr(mesh, "is_all_triangles"):
+        # In PyVista 0.43 and older a method.
+        whole = mesh.is_all_triangles
+        mesh = mesh if (whole() if callable(whole) else whole) else mesh.triangulate()
+        return np.asarray(mesh.points), np.asarray(mesh.faces).reshape(-1, 4)[:, 1:]
+    for name in ("faces", "triangles"):
+        if hasattr(mesh, "vertices") and hasattr(mesh, name):
+            return np.asarray(mesh.vertices), np.asarray(getattr(mesh, name))
+    raise ValueError(
+        f"{type(mesh).__name__} is no mesh; expected a path, vertices= and faces=, or a mesh of trimesh, PyVista or Open3D"
+    )
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,7 @@ def renderer() -> Iterator[limpid.Renderer]:
 def scene() -> limpid.Scene:
     """A complete scene: nothing is measured for it."""
     return limpid.Scene(
+        look=None,
         environment=(0.6, 0.7, 0.9),
         solids=[limpid.Plane((0, -1, 0), checker=limpid.Checker(0.25), half_extent=4)],
         camera=limpid.Camera((0, 1, 4), (0, 0, 0)),

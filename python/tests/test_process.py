@@ -52,7 +52,7 @@ def test_ctrl_c_ends_a_long_picture(tmp_path):
 
 def test_a_renderer_draws_on_after_ctrl_c(renderer, ball, scene, monkeypatch):
     expected = renderer.render(ball, radius=0.05, scene=scene, size=SMALL).rgba
-    heavy = limpid.Scene(environment=(1, 1, 1), camera=scene.camera, settings={"refract.samples": 64})
+    heavy = limpid.Scene(look=None, environment=(1, 1, 1), camera=scene.camera, settings={"refract.samples": 64})
     timer = threading.Timer(0.4, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):

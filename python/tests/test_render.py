@@ -83,6 +83,7 @@ def test_scenes_are_those_of_the_program(renderer, program, root, tmp_path):
             limpid.Box((-1, 0, -1), (-0.8, 0.6, -0.8), checker=limpid.Checker(0.1)),
         ],
         lights=[limpid.Sun((0.3, -1, -0.2), (2.5, 2.4, 2.2))],
+        look=None,
         environment=limpid.Gradient((0.3, 0.5, 0.9), (0.8, 0.85, 0.9)),
         camera=limpid.Camera((1, 2, 4), (0, 0.4, 0), 35),
     )
@@ -147,7 +148,7 @@ def test_matrices_show_what_the_camera_shows(renderer, dam):
     )
     webgpu = opengl.copy()
     webgpu[2] = [0, 0, -far / (far - near), -far * near / (far - near)]
-    scene = limpid.Scene(environment=(0.5, 0.6, 0.8))
+    scene = limpid.Scene(look=None, environment=(0.5, 0.6, 0.8))
     expected = renderer.render(dam, scene=scene, camera=camera, size=SMALL)
     for projection, is_opengl in ((opengl, True), (webgpu, False)):
         seen = limpid.Camera.from_matrices(view, projection, opengl=is_opengl)
@@ -161,7 +162,7 @@ def test_matrices_show_what_the_camera_shows(renderer, dam):
 
 def test_orthographic_cameras_do_not_shrink_what_is_far(renderer):
     points = np.array([[-0.8, 0, 2], [0.8, 0, -2]])
-    scene = limpid.Scene(environment=(1, 1, 1))
+    scene = limpid.Scene(look=None, environment=(1, 1, 1))
     camera = limpid.Camera.orthographic((0, 0, 5), (0, 0, 0), 3.0)
     picture = renderer.render(
         points, radius=0.3, scene=scene, camera=camera, size=(120, 90), aovs=["coverage"]
@@ -246,7 +247,7 @@ def test_flip_is_that_of_the_program(renderer, program, ball, scene, tmp_path):
 
 
 def test_a_scene_of_a_picture_is_its_own(renderer, ball):
-    scene = limpid.Scene(environment=(1, 1, 1), camera=limpid.Camera((0, 1, 4), (0, 0, 0)))
+    scene = limpid.Scene(look=None, environment=(1, 1, 1), camera=limpid.Camera((0, 1, 4), (0, 0, 0)))
     picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
     again = renderer.render(ball, scene=picture.scene, size=SMALL)
     picture.scene.ior = 2.0
@@ -284,7 +285,7 @@ def test_replaced_pixels_are_refused(renderer, ball, scene, tmp_path):
 
 def test_a_good_picture_does_not_silence_the_next(renderer, dam):
     camera = limpid.Camera((0, 50, 5), (0, 90, 0))
-    scene = limpid.Scene(environment=(1, 1, 1), camera=limpid.Camera((0, 1, 4), (0, 0, 0)))
+    scene = limpid.Scene(look=None, environment=(1, 1, 1), camera=limpid.Camera((0, 1, 4), (0, 0, 0)))
     for keywords in (dict(), dict(scene=scene)):
         renderer.render(dam, size=SMALL, **keywords)
         with pytest.warns(limpid.LimpidWarning, match="move the camera") as caught:

@@ -8,12 +8,15 @@ use limpid::environment::Environment;
 use limpid::mesh::{Material, MeshData, Texture};
 use limpid::settings::Settings;
 use limpid_io::camera_axes::CameraAxes;
+use limpid_io::project::controls::table;
 use limpid_io::project::{self, Given};
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::camera::Camera;
+use crate::colors::of_values;
 use crate::{errors, work};
 
 /// A scene with its source of particles, its camera and its settings.
@@ -36,8 +39,10 @@ type Image<'py, T> = (PathBuf, Bound<'py, PyArray3<T>>);
 #[pymethods]
 impl Project {
     /// Parses the text of a scene file, whose paths are relative to `folder`. `labels` says for each line of the
-    /// text what the user has given there.
+    /// text what the user has given there. Meshes that `like` has are not read again.
     #[staticmethod]
+    #[pyo3(signature = (text, labels, folder, meshes, environments, textures, like))]
+    #[expect(clippy::too_many_arguments, reason = "the Python half passes what it has")]
     fn parse(
         py: Python<'_>,
         text: String,
@@ -46,11 +51,13 @@ impl Project {
         meshes: Vec<MeshArrays<'_>>,
         environments: Vec<Image<'_, f32>>,
         textures: Vec<Image<'_, u8>>,
+        like: Option<PyRef<'_, Self>>,
     ) -> PyResult<Self> {
         let given = Given {
             meshes: meshes.into_iter().map(mesh).collect::<PyResult<_>>()?,
             environments: environments.into_iter().map(environment).collect::<PyResult<_>>()?,
             textures: textures.into_iter().map(texture).collect::<PyResult<_>>()?,
+            like: like.map(|like| Arc::new(like.locked().solid_files.clone())),
         };
         let parse = move |_: &_| project::Project::parse_given(&text, "Scene", &folder, given);
         let project = work::run(py, parse).map_err(|error| labelled(py, error, &labels))?;
@@ -65,7 +72,9 @@ impl Project {
 
     /// Writes a scene file.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let project = self.project();
+        let mut project = self.project();
+        // Those of the caller, which no file has.
+        project.color_by = project.color_by.filter(|by| by.attribute != of_values());
         work::run(py, move |_| project.save(&path))
     }
 
@@ -85,6 +94,18 @@ impl Project {
         project.set(&overrides).and_then(|()| project.check()).map_err(errors::raise)?;
         *self.locked() = project;
         Ok(())
+    }
+
+    /// The tables of that text.
+    fn table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let table = self.text()?.parse().map_err(|e| errors::error(format!("the scene: {e}")))?;
+        to_python(py, &toml::Value::Table(table))
+    }
+
+    /// Whether another scene has the same values.
+    fn is_same(&self, other: PyRef<'_, Self>) -> bool {
+        let other = other.project();
+        self.project() == other
     }
 
     /// The names of all settings.
@@ -132,18 +153,6 @@ impl Project {
         Ok(())
     }
 
-    /// The index of refraction.
-    #[getter]
-    fn ior(&self) -> f64 {
-        self.locked().scene.liquid.ior.into()
-    }
-
-    /// The absorption coefficients of red, green and blue light, 1/m.
-    #[getter]
-    fn absorption(&self) -> (f64, f64, f64) {
-        self.locked().scene.liquid.absorption.as_dvec3().into()
-    }
-
     /// The pixels of the environment map, (height, width, 4), if the environment is one.
     fn environment_map<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<f32>>>> {
         let Environment::Map { size, pixels } = self.locked().scene.environment.clone() else {
@@ -182,10 +191,6 @@ fn labelled(py: Python<'_>, error: PyErr, labels: &[String]) -> PyErr {
     errors::scene_error(format!("{}: {problem}", label.map_or("Scene", String::as_str)))
 }
 
-fn table(settings: &Settings) -> toml::Table {
-    toml::Table::try_from(settings).expect("settings are a table of tables")
-}
-
 fn to_python<'py>(py: Python<'py>, value: &toml::Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         toml::Value::Boolean(value) => value.into_pyobject(py)?.to_owned().into_any(),
@@ -196,6 +201,13 @@ fn to_python<'py>(py: Python<'py>, value: &toml::Value) -> PyResult<Bound<'py, P
             let values: PyResult<Vec<_>> =
                 values.iter().map(|value| to_python(py, value)).collect();
             values?.into_pyobject(py)?
+        }
+        toml::Value::Table(table) => {
+            let found = PyDict::new(py);
+            for (key, value) in table {
+                found.set_item(key, to_python(py, value)?)?;
+            }
+            found.into_any()
         }
         other => other.to_string().into_pyobject(py)?.into_any(),
     })

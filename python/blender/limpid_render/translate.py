@@ -81,6 +81,7 @@ def scene_of(translation, settings, solids=None):
     if isinstance(environment, Map):
         environment = environment.pixels
     return limpid.Scene(
+        look=None,
         ior=settings.ior,
         **liquid,
         solids=solids,
