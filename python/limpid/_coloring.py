@@ -30,6 +30,7 @@ def coloring(
         "values": None if values is None else _values(values, count, kept),
         "colormap": colormap_of(colormap),
         "range": range_of(range),
+        "automatic": isinstance(range, str),
     }
 
 

@@ -100,7 +100,6 @@ class Drawing:
         alpha: bool = False,
         up: Up = None,
         frame: int = 0,
-        thickness: float | None = None,
         views: Sequence[Camera] = (),
     ) -> tuple[dict[str, Any], Scene | None]:
         """Draw the particles. Returns the device's results, and the scene that was given."""
@@ -148,7 +147,6 @@ class Drawing:
             samples_of(samples),
             names,
             bool(alpha),
-            thickness,
             views,
             described,
         )

@@ -58,7 +58,6 @@ class Film(Closing, Iterator[Picture]):
         self._number = 0
         self._settled = False
         self._busy = threading.Lock()
-        self._thickness: float | None = None
         self._cameras: Iterator[Camera] | None = None
         self._camera: Camera | None = None
         if camera is None or isinstance(camera, Camera):
@@ -185,31 +184,19 @@ class Film(Closing, Iterator[Picture]):
                 samples=self._samples,
                 up=self._up,
                 frame=number,
-                thickness=self._thickness,
             )
             if not self._settled and picture.particles > 0:
                 self._settle(picture)
-            if self._range is None:
-                self._keep_range(picture, has_values)
+            self._scene = picture.scene
         if self._legend and picture.particles > 0:
             picture = picture.legend(self._title)
         file.push(picture.rgba)
         self._number += 1
         return picture
 
-    def _keep_range(self, picture: Picture, has_values: bool) -> None:
-        """Keeps the range of the first frame whose values differ."""
-        self._range = picture.range
-        if picture.range is not None and not has_values:
-            # The attribute is the scene's.
-            self._scene = picture.scene.copy()
-            self._scene._project.set([f"liquid.color_range={list(picture.range)}"])
-
     def _settle(self, picture: Picture) -> None:
-        """Keeps what was made to fit the first frame with particles."""
+        """Checks the first frame with particles, whose scene has what was made to fit it."""
         self._settled = True
-        self._scene = picture.scene
-        self._thickness = picture._thickness
         if self._shows_values and picture.colormap is None:
             raise ValueError("colormap and range show values; give frames as Particles with values")
         # The scene has the axis.

@@ -232,7 +232,6 @@ class Device:
         samples: int | None,
         aovs: Sequence[str],
         alpha: bool,
-        thickness: float | None,
         views: Sequence[Camera],
         described: bool,
     ) -> dict[str, Any]: ...

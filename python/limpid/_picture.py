@@ -43,15 +43,17 @@ class Picture:
         channels).
     camera : Camera
         The camera that was used, in the world of the positions.
+    up : str
+        The axis that points up in the world of the positions, ``"y"`` or ``"z"``, given or guessed.
     scene : Scene
-        The scene that was used, with everything that was not given: radius, axis, camera, look.
-        Drawing the next positions in it keeps the view. It has no camera if that was made from
-        matrices.
+        The scene that was used, with everything that was not given: radius, axis, camera, look, the
+        range of values and the thickness behind tints. Drawing the next positions in it keeps these,
+        as `film` does. It has no camera if that was made from matrices, and of a picture without
+        particles it is as it was given.
     colormap : str or None
         The colour map that shows values, if one does.
     range : (float, float) or None
-        The values of its first and last colour; ``None`` if all values are the same. Given to `render`,
-        it keeps the colours of the next positions comparable.
+        The values of its first and last colour; ``None`` if all values are the same.
     radius : float
         Median radius of the particles, m.
     particles, splashes : int
@@ -63,6 +65,7 @@ class Picture:
     rgba: Pixels
     aov: Images
     camera: Camera
+    up: str
     scene: Scene
     colormap: str | None
     range: tuple[float, float] | None
@@ -76,6 +79,7 @@ class Picture:
         self.aov = Images(drawn["aov"])
         self.camera = drawn["camera"]
         self.scene = Scene._of(drawn["project"], scene)
+        self.up = drawn["up"]
         self.radius = drawn["radius"]
         self.particles = drawn["particles"]
         self.splashes = drawn["splashes"]
@@ -88,7 +92,6 @@ class Picture:
         self._alpha = alpha
         self._radiance: npt.NDArray[np.float32] | None = None
         self._pending: _limpid.Radiance | None = drawn["radiance"]
-        self._thickness: float | None = drawn["thickness"]
 
     @property
     def radiance(self) -> npt.NDArray[np.float32]:

@@ -142,9 +142,10 @@ class Renderer(Closing):
         alpha : bool
             Whether coverage becomes alpha: only liquid and solids cover a pixel.
         up : str, optional
-            The axis that points up in the world of positions and camera, ``"y"`` or ``"z"``; without a
-            scene it is taken from the camera, or guessed from the liquid's surface. Solids and lights
-            of a scene are in a world of y up.
+            The axis that points up in the world of positions and camera, ``"y"`` or ``"z"``. By default it
+            is that of the scene, which `picture.scene` has, or taken from the camera, or guessed from the
+            liquid's surface; ``picture.up`` tells it. Solids, lights and camera of a scene are in a world
+            of y up.
         frame : int
             Number of the frame, for solids that move.
 

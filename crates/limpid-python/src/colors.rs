@@ -18,6 +18,8 @@ pub(crate) struct Arguments<'py> {
     values: Option<Bound<'py, PyArray1<f32>>>,
     colormap: Option<String>,
     range: Option<(f32, f32)>,
+    /// Whether the range is that of the values, whatever the scene has.
+    automatic: bool,
 }
 
 impl Arguments<'_> {
@@ -27,7 +29,8 @@ impl Arguments<'_> {
             let values = array.try_readonly()?.as_array().iter().copied().collect();
             let map = self.colormap.as_deref().map(map_named).transpose()?;
             let range = self.range.map(|(low, high)| [low, high]);
-            return Ok(Some(Coloring::Values { values, map, range }));
+            let automatic = self.automatic;
+            return Ok(Some(Coloring::Values { values, map, range, automatic }));
         }
         let Some(array) = &self.colors else { return Ok(None) };
         let array = array.try_readonly()?;
@@ -51,8 +54,9 @@ pub(crate) fn colormap(name: &str) -> PyResult<&'static str> {
 pub(crate) enum Coloring {
     /// One a particle, linear RGB.
     Colors(Vec<Vec3>),
-    /// Values by a map over a range: those of the scene, or viridis over the usual range.
-    Values { values: Vec<f32>, map: Option<MapName>, range: Option<[f32; 2]> },
+    /// Values by a map over a range: those of the scene, or viridis over the usual range, which may also replace the
+    /// scene's.
+    Values { values: Vec<f32>, map: Option<MapName>, range: Option<[f32; 2]>, automatic: bool },
 }
 
 /// How coloured particles are drawn.
@@ -75,15 +79,16 @@ impl Coloring {
     /// Gives the colours to particles that are drawn in a project.
     pub(crate) fn apply(self, particles: &mut Particles, project: Option<&Project>) -> Colored {
         match self {
-            Self::Values { values, map, range } => {
+            Self::Values { values, map, range, automatic } => {
                 let own = project.and_then(|project| project.color_by.as_ref());
                 let own = own.filter(|by| by.attribute.is_mapped());
                 let map = map.or(own.map(|by| by.map)).unwrap_or_default();
-                let given = range.or(own.and_then(|by| by.range));
+                let given = range.or(own.filter(|_| !automatic).and_then(|by| by.range));
                 let usual = || Spread::of(values.clone()).map(|spread| spread.usual);
                 let range = given.or_else(usual).unwrap_or([0.0, 1.0]);
-                let name = own.map_or(String::new(), |by| by.attribute.name().to_owned());
-                let unit = own.map_or(String::new(), |by| by.attribute.unit().to_owned());
+                let named = own.filter(|by| by.attribute != of_values());
+                let name = named.map_or(String::new(), |by| by.attribute.name().to_owned());
+                let unit = named.map_or(String::new(), |by| by.attribute.unit().to_owned());
                 let scale = ColorScale { name, unit, map, range, automatic: given.is_none() };
                 // The first frames of emitters have no values that could decide a range.
                 let scale = Some(scale).filter(|_| !values.is_empty());

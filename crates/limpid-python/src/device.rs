@@ -9,15 +9,16 @@ use glam::UVec2;
 use limpid::aov::{self, Aov, Channel, Part};
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
-use limpid::liquid::Particles;
-use limpid::look::{Body, Framing};
+use limpid::liquid::{Particles, Up};
+use limpid::look::{Body, Framing, Look};
 use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingRadiance};
 use limpid::wgpu;
 use limpid_cli::PipelineCache;
-use limpid_io::color_by::ColorScale;
-use limpid_io::input::{FrameTime, Input, Loaded, Loader};
+use limpid_io::color_by::{ColorBy, ColorScale};
+use limpid_io::input::{FrameTime, Input, Loaded, Loader, UpFrom};
 use limpid_io::notice;
+use limpid_io::project::{Automatic, Project};
 use limpid_io::shared_classifier::SharedClassifier;
 use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _};
 use pyo3::prelude::*;
@@ -27,6 +28,7 @@ use crate::arrays::Arrays;
 use crate::camera::Camera;
 use crate::colors::{Colored, Coloring};
 use crate::frames::{self, Frames, Setting, Source, Staged};
+use crate::numbers::short;
 use crate::{colors, errors, pictures, scene, work};
 
 /// Number of pictures of one thread whose radiance stays on the device.
@@ -115,8 +117,6 @@ impl Radiance {
 struct Job {
     source: Source,
     coloring: Option<Coloring>,
-    /// Length of liquid behind which colours are seen, m; the typical one if it is not given.
-    thickness: Option<f64>,
     /// Number of the frame, for solids that move.
     frame: i64,
     size: UVec2,
@@ -136,9 +136,10 @@ struct Drawn {
     images: Vec<Part>,
     /// In the world of the particles.
     camera: Camera,
-    project: limpid_io::project::Project,
+    project: Project,
+    /// The axis that points up in the world of the particles.
+    up: Up,
     radius: f32,
-    thickness: Option<f64>,
     /// The values that colours stand for.
     scale: Option<ColorScale>,
     particles: usize,
@@ -178,7 +179,7 @@ impl Device {
     }
 
     /// Draws particles.
-    #[pyo3(signature = (arrays, coloring, project, camera, up, radius, frame, size, samples, aovs, alpha, thickness, views, described))]
+    #[pyo3(signature = (arrays, coloring, project, camera, up, radius, frame, size, samples, aovs, alpha, views, described))]
     #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
     fn draw<'py>(
         &self,
@@ -194,7 +195,6 @@ impl Device {
         samples: Option<u32>,
         aovs: Vec<String>,
         alpha: bool,
-        thickness: Option<f64>,
         views: Vec<PyRef<'py, Camera>>,
         described: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -215,7 +215,7 @@ impl Device {
         let source = Source::Particles(Arc::new(arrays.particles()?), Box::new(setting));
         let size = UVec2::new(size.0, size.1);
         let views = views.iter().map(|camera| **camera).collect();
-        let job = Job { source, coloring, thickness, frame, size, aovs: chosen, views, described };
+        let job = Job { source, coloring, frame, size, aovs: chosen, views, described };
         self.draw_job(py, job, &aovs)
     }
 
@@ -232,7 +232,6 @@ impl Device {
         let job = Job {
             source: Source::Frame(frames.staged.clone()),
             coloring: None,
-            thickness: None,
             frame,
             size: UVec2::new(size.0, size.1),
             aovs: Vec::new(),
@@ -317,12 +316,14 @@ fn new_drawer(
 
 impl Drawer {
     fn draw(&mut self, job: Job) -> limpid_io::Result<Drawn> {
-        let Job { source, coloring, thickness, frame, size, aovs, views, described } = job;
+        let Job { source, coloring, frame, size, aovs, views, described } = job;
         let owned: Staged;
         let shared: Arc<Staged>;
         let mut colored = Colored::default();
         // With the particles whose thickness the tints are for.
         let mut tinted = None;
+        // The scene that was given.
+        let mut given = None;
         let staged = match source {
             Source::Frame(staged) => {
                 shared = staged;
@@ -334,25 +335,23 @@ impl Drawer {
                     colored = coloring.apply(Arc::make_mut(&mut particles), project);
                     tinted = colored.tints.take().map(|tints| (particles.clone(), tints));
                 }
+                given = Some(setting.project.clone());
                 owned = setting.stage(Input::from_particles(particles, "positions"))?;
                 &owned
             }
         };
         let Staged { opened, camera, own_camera } = staged;
         let mut scene = opened.project.scene.clone();
-        let thickness = match tinted {
-            Some((particles, tints)) => {
-                let thickness = match thickness {
-                    Some(thickness) => thickness,
-                    None => self.thickness(&opened.loader, &particles)?,
-                };
-                let absorption = |tint: &_| colors::absorption(*tint, thickness);
-                scene.fluids =
-                    tints.iter().map(absorption).map(limpid::scene::Medium::clear).collect();
-                Some(thickness)
-            }
-            None => None,
-        };
+        let mut project = opened.plain.clone();
+        if let Some((particles, tints)) = tinted {
+            let thickness = match project.tint_thickness {
+                Some(thickness) => thickness,
+                None => self.thickness(&opened.loader, &particles)?,
+            };
+            project.tint_thickness = Some(thickness);
+            let absorption = |tint: &_| colors::absorption(*tint, thickness);
+            scene.fluids = tints.iter().map(absorption).map(limpid::scene::Medium::clear).collect();
+        }
         let mut loader = opened.loader.clone().classified(self.classifier.clone());
         let Colored { by, scale, .. } = colored;
         let is_given = by.is_some();
@@ -363,6 +362,15 @@ impl Drawer {
         let loaded = loader.load(FrameTime::at(frame), &scene)?;
         self.check()?;
         let scale = if is_given { scale } else { loader.color_scale()? };
+        if let Some(scale) = &scale {
+            keep_scale(&mut project, scale);
+        }
+        if let Some(given) = given.filter(|_| loaded.particles == 0) {
+            // Nothing was measured that could fit later particles.
+            let all = Automatic::all(Look::default());
+            let bare = || Project { automatic: Some(all), ..Project::default() };
+            project = given.unwrap_or_else(bare);
+        }
         let interface =
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
         let motion =
@@ -373,7 +381,12 @@ impl Drawer {
             diagnose: !aovs.is_empty(),
             ..FrameInput::new(&of_loaded, camera.view(), &loaded.splats, size)
         };
-        let describe = |own: &Self| own.notices(&loaded, &scene, (camera, size), described);
+        let stands = loader.up().1 == UpFrom::Default && loader.body().is_some_and(stands);
+        let describe = |own: &Self| {
+            let notices = own.notices(&loaded, &scene, (camera, size), described);
+            let standing = (stands && !described).then(|| STANDING.to_owned());
+            standing.into_iter().chain(notices).collect()
+        };
         let (rgba, images, radiance, notices);
         if views.is_empty() {
             let drawing = self.offscreen.begin(frame_input)?;
@@ -400,9 +413,9 @@ impl Drawer {
             radiance,
             images,
             camera: *own_camera,
-            project: opened.plain.clone(),
+            project,
+            up: loader.up().0,
             radius: loaded.splats.radius,
-            thickness,
             scale,
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
@@ -455,6 +468,27 @@ impl Drawer {
     }
 }
 
+/// The notice of liquid that [`stands`].
+const STANDING: &str = "nothing tells which axis points up: y is assumed, and the liquid stands like a wall; give \
+                        up=\"z\" if it should lie, or up=\"y\" if it stands";
+
+/// Whether liquid for which y is taken to point up is thinner along z than along both other axes: a settled tank of a
+/// world of z up would be.
+fn stands(body: &Body) -> bool {
+    const THIN: f64 = 0.75;
+    let extent = body.bounds.1 - body.bounds.0;
+    extent.z < THIN * extent.x.min(extent.y)
+}
+
+/// Keeps the colours of values for later pictures in the scene.
+fn keep_scale(project: &mut Project, scale: &ColorScale) {
+    let [low, high] = scale.range;
+    let by = project.color_by.get_or_insert_with(|| ColorBy::new(colors::of_values()));
+    if by.attribute.is_mapped() {
+        (by.map, by.range) = (scale.map, (low < high).then_some(scale.range));
+    }
+}
+
 fn locked(state: &Mutex<Option<Open>>) -> MutexGuard<'_, Option<Open>> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -479,8 +513,8 @@ fn to_python<'py>(
     result.set_item("aov", images(py, drawn.images, aovs)?)?;
     result.set_item("camera", drawn.camera)?;
     result.set_item("project", scene::Project::of(drawn.project))?;
-    result.set_item("radius", drawn.radius)?;
-    result.set_item("thickness", drawn.thickness)?;
+    result.set_item("up", drawn.up.to_string())?;
+    result.set_item("radius", short(drawn.radius))?;
     result.set_item("scale", drawn.scale.map(pictures::Scale::from))?;
     result.set_item("particles", drawn.particles)?;
     result.set_item("splashes", drawn.splashes)?;

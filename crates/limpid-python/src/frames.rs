@@ -53,9 +53,13 @@ impl Setting {
     /// # Errors
     /// As [`Request::open_from`].
     pub(crate) fn stage(&self, mut input: Input) -> limpid_io::Result<Staged> {
-        let is_bare = self.project.is_none() && input.project.is_none();
+        let is_alike =
+            |project: &Option<Project>| project.as_ref().is_none_or(|own| !own.has_directions());
+        let is_bare = is_alike(&self.project) && is_alike(&input.project);
         let aimed = self.camera.and_then(|camera| camera.camera());
         if let Some(mut project) = self.project.clone() {
+            // Those of an earlier picture.
+            project.color_by = project.color_by.filter(|by| by.attribute != of_values());
             // A complete scene is not measured, which takes time; the camera is replaced below.
             let placeholder = || {
                 self.camera
@@ -85,7 +89,6 @@ impl Setting {
         };
         let mut opened = request.open_from(input)?;
         if self.shows_values {
-            // Pictures without values can be drawn in the scene, too.
             let own = self.project.as_ref().and_then(|project| project.color_by.clone());
             opened.plain.color_by.clone_from(&own);
             opened.project.color_by = own;
