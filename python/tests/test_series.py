@@ -59,6 +59,8 @@ def test_a_loop_draws_what_a_film_draws(renderer, tmp_path, of):
         scene.save(tmp_path / "b.toml")
         assert limpid.Scene.load(tmp_path / "b.toml").tint_thickness == scene.tint_thickness
     if of == "values":
+        alone = renderer.render(frames[1], size=SMALL)
+        assert np.array_equal(alone.rgba, film[1].rgba), "a frame without particles is no scene"
         whole = renderer.render(frames[-1], scene=scene, range="auto", size=SMALL)
         assert whole.range != film[1].range == film[3].range
         plain = renderer.render(frames[-1].positions, scene=scene, size=SMALL)

@@ -9,16 +9,16 @@ use glam::UVec2;
 use limpid::aov::{self, Aov, Channel, Part};
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
-use limpid::liquid::{Particles, Up};
-use limpid::look::{Body, Framing, Look};
+use limpid::liquid::Up;
+use limpid::look::Framing;
 use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingRadiance};
 use limpid::wgpu;
 use limpid_cli::PipelineCache;
-use limpid_io::color_by::{ColorBy, ColorScale};
-use limpid_io::input::{FrameTime, Input, Loaded, Loader, UpFrom};
+use limpid_io::color_by::ColorScale;
+use limpid_io::input::{FrameTime, Input, Loaded};
 use limpid_io::notice;
-use limpid_io::project::{Automatic, Project};
+use limpid_io::project::Project;
 use limpid_io::shared_classifier::SharedClassifier;
 use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _};
 use pyo3::prelude::*;
@@ -29,7 +29,7 @@ use crate::camera::Camera;
 use crate::colors::{Colored, Coloring};
 use crate::frames::{self, Frames, Setting, Source, Staged};
 use crate::numbers::short;
-use crate::{colors, errors, pictures, scene, work};
+use crate::{colors, errors, pictures, scene, series, work};
 
 /// Number of pictures of one thread whose radiance stays on the device.
 const KEPT: usize = 4;
@@ -344,11 +344,7 @@ impl Drawer {
         let mut scene = opened.project.scene.clone();
         let mut project = opened.plain.clone();
         if let Some((particles, tints)) = tinted {
-            let thickness = match project.tint_thickness {
-                Some(thickness) => thickness,
-                None => self.thickness(&opened.loader, &particles)?,
-            };
-            project.tint_thickness = Some(thickness);
+            let thickness = series::tint_thickness(&mut project, &opened.loader, &particles)?;
             let absorption = |tint: &_| colors::absorption(*tint, thickness);
             scene.fluids = tints.iter().map(absorption).map(limpid::scene::Medium::clear).collect();
         }
@@ -363,13 +359,10 @@ impl Drawer {
         self.check()?;
         let scale = if is_given { scale } else { loader.color_scale()? };
         if let Some(scale) = &scale {
-            keep_scale(&mut project, scale);
+            series::keep_scale(&mut project, scale);
         }
         if let Some(given) = given.filter(|_| loaded.particles == 0) {
-            // Nothing was measured that could fit later particles.
-            let all = Automatic::all(Look::default());
-            let bare = || Project { automatic: Some(all), ..Project::default() };
-            project = given.unwrap_or_else(bare);
+            project = series::unmeasured(given);
         }
         let interface =
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
@@ -381,11 +374,10 @@ impl Drawer {
             diagnose: !aovs.is_empty(),
             ..FrameInput::new(&of_loaded, camera.view(), &loaded.splats, size)
         };
-        let stands = loader.up().1 == UpFrom::Default && loader.body().is_some_and(stands);
+        let standing = series::standing(&loader).filter(|_| !described);
         let describe = |own: &Self| {
             let notices = own.notices(&loaded, &scene, (camera, size), described);
-            let standing = (stands && !described).then(|| STANDING.to_owned());
-            standing.into_iter().chain(notices).collect()
+            standing.into_iter().map(str::to_owned).chain(notices).collect()
         };
         let (rgba, images, radiance, notices);
         if views.is_empty() {
@@ -428,12 +420,6 @@ impl Drawer {
         Ok(self.offscreen.gpu().check()?)
     }
 
-    /// The length of liquid that light typically crosses, m.
-    fn thickness(&self, loader: &Loader, particles: &Particles) -> limpid_io::Result<f64> {
-        let radius = loader.radius(FrameTime::at(0), particles)?;
-        Ok(Body::new(particles, radius).map_or(1.0, |body| body.thickness()))
-    }
-
     /// Leaves the radiance of the last frame on the device, for a few frames.
     fn keep_radiance(&mut self) -> Arc<Slot> {
         let unused = self.radiances.iter().position(|slot| Arc::strong_count(slot) == 1);
@@ -465,27 +451,6 @@ impl Drawer {
             notices.extend(notice::of_view(loaded, &camera, size, loaded.up.0));
         }
         notices.iter().map(errors::describe).collect()
-    }
-}
-
-/// The notice of liquid that [`stands`].
-const STANDING: &str = "nothing tells which axis points up: y is assumed, and the liquid stands like a wall; give \
-                        up=\"z\" if it should lie, or up=\"y\" if it stands";
-
-/// Whether liquid for which y is taken to point up is thinner along z than along both other axes: a settled tank of a
-/// world of z up would be.
-fn stands(body: &Body) -> bool {
-    const THIN: f64 = 0.75;
-    let extent = body.bounds.1 - body.bounds.0;
-    extent.z < THIN * extent.x.min(extent.y)
-}
-
-/// Keeps the colours of values for later pictures in the scene.
-fn keep_scale(project: &mut Project, scale: &ColorScale) {
-    let [low, high] = scale.range;
-    let by = project.color_by.get_or_insert_with(|| ColorBy::new(colors::of_values()));
-    if by.attribute.is_mapped() {
-        (by.map, by.range) = (scale.map, (low < high).then_some(scale.range));
     }
 }
 

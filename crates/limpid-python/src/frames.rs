@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 
 use crate::camera::{Camera, Kind};
 use crate::colors::of_values;
+use crate::series::unmeasured;
 use crate::{scene, work};
 
 /// Properties that decide how particles are drawn, apart from the picture.
@@ -53,11 +54,13 @@ impl Setting {
     /// # Errors
     /// As [`Request::open_from`].
     pub(crate) fn stage(&self, mut input: Input) -> limpid_io::Result<Staged> {
-        let is_alike =
-            |project: &Option<Project>| project.as_ref().is_none_or(|own| !own.has_directions());
-        let is_bare = is_alike(&self.project) && is_alike(&input.project);
+        // Values have another look than other particles without a scene.
+        let says_nothing = |own: &&Project| self.shows_values && **own == unmeasured(None);
+        let given = self.project.as_ref().filter(|own| !says_nothing(own));
+        let is_alike = |project: Option<&Project>| project.is_none_or(|own| !own.has_directions());
+        let is_bare = is_alike(given) && is_alike(input.project.as_ref());
         let aimed = self.camera.and_then(|camera| camera.camera());
-        if let Some(mut project) = self.project.clone() {
+        if let Some(mut project) = given.cloned() {
             // Those of an earlier picture.
             project.color_by = project.color_by.filter(|by| by.attribute != of_values());
             // A complete scene is not measured, which takes time; the camera is replaced below.

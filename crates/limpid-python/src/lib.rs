@@ -12,6 +12,7 @@ mod frames;
 mod numbers;
 mod pictures;
 mod scene;
+mod series;
 mod work;
 
 use std::ffi::OsString;
