@@ -51,6 +51,7 @@ use crate::picture::state::PictureState;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::camera_path::CameraPath;
+use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
 use recent::Recent;
 use state::{Interface, OpenDocument};
@@ -173,6 +174,7 @@ impl Viewer {
         if let Some(request) = self.picture.request(&self.stage, &ctx, &mut self.log) {
             self.backend.request(request);
         }
+        self.picture.watch(&self.stage, &ctx);
         self.compare_with_truth();
         let again = ctx.has_requested_repaint();
         self.log.record_frame(begun, again);
@@ -183,7 +185,8 @@ impl Viewer {
         let now = Instant::now();
         let passed =
             now.duration_since(std::mem::replace(&mut self.interface.ticked, now)).as_secs_f64();
-        if !self.stage.playback.playing {
+        // The old document does not play on while another one is being opened.
+        if !self.stage.playback.playing || self.opened.is_leaving() {
             return;
         }
         if self.stage.playback.count() > 1 {
@@ -253,6 +256,12 @@ impl Viewer {
     /// The view mode.
     pub fn view(&self) -> View {
         self.picture.view
+    }
+
+    /// The view and the frame time of the picture on screen, which may be late.
+    pub fn shown(&self) -> Option<(View, Option<FrameTime>)> {
+        let facts = self.picture.edited(&self.stage).picture.shown.as_ref()?;
+        Some((facts.caption.view, facts.caption.at))
     }
 
     /// The state of playback.

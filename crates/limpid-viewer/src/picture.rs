@@ -2,6 +2,7 @@
 
 pub mod adaptive_resolution;
 pub mod camera_controls;
+pub(crate) mod captions;
 mod color_legend;
 pub mod flipbook;
 mod legend;
@@ -10,3 +11,4 @@ mod refine;
 pub(crate) mod state;
 pub(crate) mod texture;
 mod viewport;
+pub(crate) mod waiting;

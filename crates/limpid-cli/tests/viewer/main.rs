@@ -5,6 +5,7 @@ mod camera_controls;
 mod colors;
 mod devices;
 mod first_minutes;
+mod late;
 mod panels;
 mod parts;
 mod pictures;

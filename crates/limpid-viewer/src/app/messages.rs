@@ -59,6 +59,10 @@ impl Viewer {
             Answer::Drawn(drawn) => self.take_drawn(drawn),
             Answer::NotDrawn(number, error) => {
                 self.picture.answered = self.picture.answered.max(number);
+                // It may be of another document or view.
+                if self.picture.captions.answered(number).is_none() {
+                    return;
+                }
                 // Until something changes, do not retry this picture, nor play on to frames that would
                 // fail alike.
                 if number == self.picture.asked {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use serde_json::json;
+use web_time::Instant;
 
 use crate::app::Viewer;
 use crate::app::state::{Attributes, Opening};
@@ -57,6 +58,7 @@ impl Viewer {
         self.opened.opening = Some(Opening {
             number,
             source,
+            since: Instant::now(),
             replaces: again,
             pending: true,
             opened: false,
@@ -185,7 +187,7 @@ impl Viewer {
         self.stage.eye.camera = document.project.camera_for(Default::default());
         self.stage.eye.path = CameraPath::default();
         self.stage.eye.follow = false;
-        self.picture.subject = None;
+        self.picture.withdraw();
         self.picture.flipping.clear();
         self.times = History::default();
         self.errors.clear();
@@ -219,6 +221,7 @@ impl Viewer {
         for side in &mut self.picture.sides {
             side.at = None;
         }
+        self.picture.withdraw();
         self.stage.playback.fps = document.fps();
         self.stage.frame_times = document.frame_times(self.stage.playback.speed()).into();
         self.stage.playback.set_count(self.stage.frame_times.len());
@@ -304,6 +307,7 @@ impl Viewer {
                     }
                     let side = &mut self.picture.sides[side];
                     (side.at, side.fits) = (Some(index), fits);
+                    side.time = self.stage.frame_time();
                     let old = side.loaded.replace(loaded);
                     if let Some(last) = old.filter(|old| Arc::strong_count(old) == 1) {
                         drop_in_background(last);

@@ -92,7 +92,7 @@ impl Viewer {
         // No request is answered any more.
         self.opened.frames.clear();
         self.picture.answered = self.picture.asked;
-        self.picture.subject = None;
+        self.picture.withdraw();
         // The next worker has none of these frames.
         for side in &mut self.picture.sides {
             (side.loaded, side.at) = (None, None);

@@ -10,7 +10,7 @@ use crate::app::Viewer;
 use crate::app::state::Attributes;
 use crate::backend::core::truth;
 use crate::model::demos::Demo;
-use crate::model::document::Source;
+use crate::model::document::{Source, short_name};
 use crate::model::platform::IN_BROWSER;
 use crate::panels::dialogs::{Dialog, Purpose};
 use crate::panels::error_plot::Present;
@@ -20,6 +20,7 @@ use crate::panels::side::{Tab, side_panel};
 use crate::panels::timeline::{Timeline, notice_line};
 use crate::panels::toolbar::Toolbar;
 use crate::panels::{Command, camera_panel};
+use crate::picture::waiting::{self, LATE, SPIN};
 
 impl Viewer {
     pub(super) fn show_toolbar(&mut self, ui: &mut egui::Ui) {
@@ -30,6 +31,7 @@ impl Viewer {
             dark: self.interface.dark,
             panels: self.interface.panels,
             view: self.picture.view,
+            shown: self.shown().map_or(self.picture.view, |(view, _)| view),
             lights: self.stage.editing.scene().lights.len(),
             compare: &mut self.stage.editing.compare,
         };
@@ -50,6 +52,7 @@ impl Viewer {
             opening: self.opened.pending(),
             playback: &self.stage.playback,
             frame_times: &self.stage.frame_times,
+            shown: self.shown().and_then(|(_, at)| at),
             ahead: &ahead,
             failed: &self.opened.failed,
             kept: &kept,
@@ -155,6 +158,7 @@ impl Viewer {
             }
             if self.opened.document.is_some() {
                 self.picture.show(ui, rect, &mut self.stage, &mut self.log);
+                self.show_leaving(ui, rect);
             } else {
                 let screen = FirstScreen {
                     opening: self.opened.pending(),
@@ -166,6 +170,19 @@ impl Viewer {
             notice_line(ui, rect, &mut self.interface.notices);
         });
         self.obey(ui, commands);
+    }
+
+    /// Says over the picture of the open document that another one is being opened.
+    fn show_leaving(&self, ui: &egui::Ui, rect: egui::Rect) {
+        let opening = self.opened.opening.as_ref().filter(|_| self.opened.is_leaving());
+        let Some(opening) = opening else { return };
+        let left = LATE.saturating_sub(opening.since.elapsed());
+        ui.ctx().request_repaint_after(left.max(SPIN));
+        if left.is_zero() {
+            ui.painter().rect_filled(rect, 0, Color32::from_black_alpha(140));
+            let name = short_name(&opening.source.input);
+            waiting::note(ui, rect, &format!("opening {name}"));
+        }
     }
 
     /// Carries out the user's commands.

@@ -50,6 +50,7 @@ pub(crate) enum Attributes {
 pub(crate) struct Opening {
     pub(crate) number: u64,
     pub(crate) source: Source,
+    pub(crate) since: Instant,
     /// Whether it takes the place of the same source with other adjustments.
     pub(crate) replaces: bool,
     /// Whether it is still to be read.
@@ -89,6 +90,12 @@ impl OpenDocument {
     pub(crate) fn pending(&self) -> Option<&str> {
         let opening = self.opening.as_ref().filter(|opening| opening.pending)?;
         Some(&opening.source.input)
+    }
+
+    /// Whether a source is being read that takes the place of another one, which is shown until then.
+    pub(crate) fn is_leaving(&self) -> bool {
+        let opening = self.opening.as_ref().filter(|opening| opening.pending && !opening.replaces);
+        opening.is_some() && self.document.is_some()
     }
 
     /// Whether more frames may follow.

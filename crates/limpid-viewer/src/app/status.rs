@@ -23,6 +23,7 @@ impl Viewer {
             "size": self.picture.viewport_size.to_array(),
             "shown": shown.map(|facts| json!({
                 "size": facts.size.to_array(), "samples": facts.samples, "ms": facts.ms,
+                "frame": facts.caption.at.map(|at| at.frame), "view": facts.caption.view.label(),
             })),
             "passes": self.times.last().map(|(name, ms)| json!([name, ms])).collect::<Vec<_>>(),
             "eye": self.stage.eye.camera.eye.to_array(),

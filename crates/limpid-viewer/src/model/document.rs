@@ -166,11 +166,7 @@ impl Document {
 
     /// A short name for titles.
     pub fn name(&self) -> &str {
-        let input = self.source.input.as_str();
-        let query = if IN_BROWSER { input.find('?') } else { None };
-        let input = query.map_or(input, |query| &input[..query]);
-        let input = input.trim_end_matches('/');
-        input.rsplit('/').next().unwrap_or(input)
+        short_name(&self.source.input)
     }
 
     /// Fails if saving to `path` would overwrite the document's file, its environment map or its
@@ -251,6 +247,14 @@ impl Document {
         }
         project
     }
+}
+
+/// The last part of the path of an input.
+pub(crate) fn short_name(input: &str) -> &str {
+    let query = if IN_BROWSER { input.find('?') } else { None };
+    let input = query.map_or(input, |query| &input[..query]);
+    let input = input.trim_end_matches('/');
+    input.rsplit('/').next().unwrap_or(input)
 }
 
 /// Chooses the path to open among files that were dropped or chosen together: the scene, the only file, or the folder

@@ -23,6 +23,8 @@ pub(crate) struct Timeline<'a> {
     pub(crate) opening: Option<&'a str>,
     pub(crate) playback: &'a Playback,
     pub(crate) frame_times: &'a [FrameTime],
+    /// The frame time of the picture on screen, which may be late.
+    pub(crate) shown: Option<FrameTime>,
     /// The frames that are loaded ahead.
     pub(crate) ahead: &'a CacheState,
     /// Indices of frame times that could not be loaded.
@@ -96,7 +98,7 @@ impl Timeline<'_> {
             ui.add_space(4.0);
             let width = (ui.available_width() - 190.0).max(60.0);
             let index = self.track(ui, width, document, commands);
-            if let Some(&at) = self.frame_times.get(index) {
+            if let Some(at) = self.shown.or(self.frame_times.get(index).copied()) {
                 ui.add_space(6.0);
                 let last = document.numbers.last().copied().unwrap_or_default();
                 let time = at.time();

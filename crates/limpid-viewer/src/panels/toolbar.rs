@@ -27,6 +27,8 @@ pub(crate) struct Toolbar<'a> {
     /// Whether the panels are shown.
     pub(crate) panels: bool,
     pub(crate) view: View,
+    /// The view of the picture on screen.
+    pub(crate) shown: View,
     /// Number of lights of the scene that is edited.
     pub(crate) lights: usize,
     pub(crate) compare: &'a mut Compare,
@@ -34,7 +36,7 @@ pub(crate) struct Toolbar<'a> {
 
 impl Toolbar<'_> {
     pub(crate) fn show(self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
-        let Self { open, help, dark, panels, view, lights, compare } = self;
+        let Self { open, help, dark, panels, view, shown, lights, compare } = self;
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
             // On a narrow screen the buttons can be scrolled.
@@ -53,7 +55,7 @@ impl Toolbar<'_> {
                     button(ui, "Save scene…", Action::SaveScene, commands);
                     button(ui, COPY, Action::Copy, commands);
                     ui.separator();
-                    view_choice(ui, view, lights, commands);
+                    view_choice(ui, (view, shown), lights, commands);
                     ui.separator();
                     compare_choice(ui, compare);
                 });
@@ -105,9 +107,15 @@ fn demos(ui: &mut egui::Ui, commands: &mut Vec<Command>) {
     });
 }
 
-fn view_choice(ui: &mut egui::Ui, now: View, lights: usize, commands: &mut Vec<Command>) {
+/// The choice of a view, under the name of the one on screen.
+fn view_choice(
+    ui: &mut egui::Ui,
+    (now, shown): (View, View),
+    lights: usize,
+    commands: &mut Vec<Command>,
+) {
     let mut view = now;
-    let choice = egui::ComboBox::from_id_salt("view").selected_text(view.label()).width(130.0);
+    let choice = egui::ComboBox::from_id_salt("view").selected_text(shown.label()).width(130.0);
     let response = choice.height(400.0).show_ui(ui, |ui| {
         for mode in View::all() {
             let chosen = mode.aov() == view.aov();

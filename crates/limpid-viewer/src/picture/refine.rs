@@ -103,11 +103,16 @@ impl PictureState {
             Pane { scene, camera, loaded, size, scale, legend: false }
         });
         let panes = panes.collect();
+        let captions = visible.iter().map(|&i| self.caption(stage, i)).collect();
         self.flipping.asked = match level {
             Level::Draft => None,
             Level::Full | Level::Fine => self.page(stage).filter(|_| self.has_particles(stage)),
         };
         self.asked += 1;
+        self.captions.asked(self.asked, captions);
+        if changed {
+            self.subject_asked = self.asked;
+        }
         self.asked_level = level;
         self.undrawn = false;
         self.subject = Some(subject);

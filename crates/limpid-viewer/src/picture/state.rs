@@ -13,6 +13,7 @@ use crate::model::stage::Stage;
 use crate::model::views::View;
 use crate::picture::adaptive_resolution::AdaptiveResolution;
 use crate::picture::camera_controls;
+use crate::picture::captions::Captions;
 use crate::picture::color_legend::ColorLegend;
 use crate::picture::flipbook::Flipping;
 use crate::picture::texture::Picture;
@@ -20,12 +21,14 @@ use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::color_by::ColorScale;
-use limpid_io::input::Loaded;
+use limpid_io::input::{FrameTime, Loaded};
 
 /// The state of one of the two settings.
 #[derive(Debug, Default)]
 pub(crate) struct Side {
     pub(crate) loaded: Option<Arc<Loaded>>,
+    /// The time of `loaded`.
+    pub(crate) time: Option<FrameTime>,
     /// Index of the frame time last taken from a cache, loaded or failed; `None` while it is missing.
     pub(crate) at: Option<usize>,
     /// Whether `loaded` is that frame time, classified by the current settings.
@@ -67,7 +70,13 @@ pub(crate) struct PictureState {
     pub(crate) changed: Instant,
     pub(crate) asked: u64,
     pub(crate) asked_level: Level,
+    /// The first request for the subject.
+    pub(crate) subject_asked: u64,
     pub(crate) answered: u64,
+    /// The contents of the pictures that are asked for.
+    pub(crate) captions: Captions,
+    /// Since when the screen waits for a picture.
+    pub(crate) waits_since: Option<Instant>,
     /// The last requested picture could not be drawn.
     pub(crate) undrawn: bool,
     /// The device has not drawn a picture yet: the first takes longer.
@@ -93,7 +102,10 @@ impl PictureState {
             changed: Instant::now(),
             asked: 0,
             asked_level: Level::Draft,
+            subject_asked: 0,
             answered: 0,
+            captions: Captions::default(),
+            waits_since: None,
             undrawn: false,
             fresh_device: true,
             viewport_size: UVec2::ZERO,
@@ -101,6 +113,13 @@ impl PictureState {
             flipping: Flipping::new(flipbook),
             legend: ColorLegend::default(),
         }
+    }
+
+    /// Withdraws all requests, for another document or view: their pictures are not shown if they come.
+    pub(crate) fn withdraw(&mut self) {
+        self.captions.withdraw();
+        self.waits_since = None;
+        self.subject = None;
     }
 
     /// Prepares for another window, where nothing has been drawn yet.
@@ -134,6 +153,7 @@ impl PictureState {
             && self.asked_level == Level::Fine
             && self.asked > 0
             && !self.undrawn
+            && self.has_wanted_contents(stage)
             && !stage.playback.playing
     }
 
@@ -169,6 +189,7 @@ impl PictureState {
         }
         if self.view != view {
             log.event("view", json!({ "view": view.label() }));
+            self.withdraw();
         }
         self.view = view;
     }

@@ -7,6 +7,7 @@ use glam::UVec2;
 
 use crate::backend::core::drawing::Shown;
 use crate::model::views::{Legend, Values};
+use crate::picture::captions::Caption;
 
 /// A picture on the screen.
 #[derive(Clone, Default)]
@@ -17,14 +18,15 @@ pub(crate) struct Picture {
 
 impl Picture {
     /// A texture of its own, since the flipbook may keep the last one.
-    pub(crate) fn new(ctx: &egui::Context, shown: Shown) -> Self {
+    pub(crate) fn new(ctx: &egui::Context, shown: Shown, caption: Caption) -> Self {
         let Shown { image, legend, values, ms, size, samples, .. } = shown;
         let options = match legend {
             Legend::Picture => TextureOptions::LINEAR,
             _ => TextureOptions::NEAREST,
         };
         let texture = Some(ctx.load_texture("picture", image, options));
-        Self { texture, shown: Some(Arc::new(Facts { size, samples, ms, legend, values })) }
+        let facts = Facts { caption, size, samples, ms, legend, values };
+        Self { texture, shown: Some(Arc::new(facts)) }
     }
 
     /// Memory of its pixels and values, bytes.
@@ -39,6 +41,7 @@ impl Picture {
 /// Properties of the picture shown.
 #[derive(Debug)]
 pub(crate) struct Facts {
+    pub(crate) caption: Caption,
     pub(crate) size: UVec2,
     pub(crate) samples: u32,
     pub(crate) ms: f64,

@@ -17,6 +17,7 @@ use crate::picture::camera_controls;
 use crate::picture::legend;
 use crate::picture::state::PictureState;
 use crate::picture::texture::Picture;
+use crate::picture::waiting;
 use limpid::camera::Camera;
 
 /// Rotation for a drag over the picture's height, radians.
@@ -39,6 +40,9 @@ impl PictureState {
     ) {
         let Drawn { number, level, panes } = drawn;
         self.answered = self.answered.max(number);
+        // Otherwise it is of another document or view, which must not stand for this one.
+        let Some(captions) = self.captions.answered(number) else { return };
+        self.waits_since = None;
         let visible = stage.editing.visible();
         // The comparison mode has changed since the request.
         if visible.len() != panes.len() {
@@ -47,13 +51,16 @@ impl PictureState {
         let ms: f64 = panes.iter().map(|shown| shown.ms).sum();
         let recent = log.recent();
         let size = panes.first().map_or(UVec2::ZERO, |shown| shown.size);
+        let at = captions.first().and_then(|caption| caption.at);
+        let moment = stage.frame_times.iter().position(|&time| Some(time) == at);
         log.event(
             "picture",
             json!({
                 "level": format!("{level:?}").to_lowercase(),
                 "width": size.x,
                 "height": size.y,
-                "moment": stage.playback.index(),
+                "frame": at.map(|at| at.frame),
+                "moment": moment,
                 "draw_ms": ms,
                 "ui_ms": recent["ui_ms"],
                 "gap_ms": recent["gap_ms"],
@@ -69,7 +76,8 @@ impl PictureState {
             self.resolution.measured(size, self.full_size(stage), ms);
         }
         let Some(ctx) = ctx else { return };
-        let pictures = panes.into_iter().map(|shown| Picture::new(ctx, shown));
+        let pictures = panes.into_iter().zip(captions);
+        let pictures = pictures.map(|(shown, caption)| Picture::new(ctx, shown, caption));
         let pictures: Vec<Picture> = pictures.collect();
         if number == self.asked {
             self.keep(stage, pictures.clone());
@@ -107,14 +115,20 @@ impl PictureState {
             let color = ui.visuals().weak_text_color();
             ui.painter().text(rect.center(), Align2::CENTER_CENTER, what, font, color);
         }
-        if let Some(facts) = side.picture.shown.as_ref().filter(|_| self.view != View::Picture) {
-            legend::show(ui, facts, &viewport, rect);
-        }
-        let scale = stage.colors.legend_of(stage.editing.scene());
-        if let Some(scale) = scale.filter(|_| self.view == View::Picture) {
-            self.legend.show(ui, rect, self.viewport_size, scale);
+        // Legends come and go with their pictures.
+        if let Some(facts) = side.picture.shown.clone() {
+            match (facts.caption.view, &facts.caption.scale) {
+                (View::Image(..), _) => legend::show(ui, &facts, &viewport, rect),
+                (View::Picture, Some(scale)) if stage.colors.legend => {
+                    self.legend.show(ui, rect, self.viewport_size, scale);
+                }
+                (View::Picture, _) => {}
+            }
         }
         self.flipbook_note(stage, ui, rect);
+        if let Some(words) = self.late(stage) {
+            waiting::note(ui, rect, &words);
+        }
     }
 
     fn pointer(
