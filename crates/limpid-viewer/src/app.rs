@@ -44,6 +44,7 @@ use crate::model::stage::Stage;
 use crate::model::views::View;
 use crate::panels::dialogs::help_window;
 use crate::panels::error_plot::Errors;
+use crate::panels::notices::log_window;
 use crate::panels::style;
 use crate::panels::times::History;
 use crate::picture::flipbook::Progress;
@@ -168,6 +169,7 @@ impl Viewer {
         self.picture.flip(&self.stage, &mut self.log);
         self.show_viewport(ui);
         help_window(&ctx, &mut self.interface.help);
+        log_window(&ctx, &mut self.interface.messages, &self.interface.notices);
         self.show_dialog(&ctx);
 
         self.load();
@@ -238,9 +240,9 @@ impl Viewer {
         self.picture.viewport_size
     }
 
-    /// The notices to the user, newest last.
+    /// The notices over the picture, newest last.
     pub fn notices(&self) -> &[Notice] {
-        self.interface.notices.all()
+        self.interface.notices.shown()
     }
 
     /// Settings A and B, as scenes.

@@ -8,6 +8,7 @@ pub(crate) mod error_plot;
 pub(crate) mod first_screen;
 mod icons;
 mod liquid;
+pub(crate) mod notices;
 mod scene;
 pub(crate) mod settings;
 pub(crate) mod side;
@@ -55,6 +56,8 @@ pub(crate) enum Command {
     LoadPath,
     SavePath,
     StopFilm,
+    /// Shows the log of notices.
+    ShowMessages,
     /// Traces the ground truth of the view.
     Trace,
 }

@@ -69,11 +69,56 @@ fn damaged_frame_is_reported_and_playback_continues() {
     let shown = notices.last().expect("there is one").text.clone();
     harness.get_by_label(&shown);
     let size = harness.state().picture_size();
-    harness.get_by_label("Dismiss").click_accesskit();
+    let dismiss = |harness: &Harness<'static, Viewer>| {
+        let button = harness.query_all_by_label("Dismiss").next();
+        button.map(|button| button.click_accesskit()).is_some()
+    };
+    while dismiss(&harness) {
+        harness.step();
+        harness.step();
+    }
+    assert!(harness.state().notices().is_empty());
+    assert_eq!(harness.state().picture_size(), size, "notices resize the picture");
+}
+
+/// Notices float over the picture, which keeps its size, each with its whole text; the log has them all.
+#[test]
+fn notices_float_and_stay_in_the_log() {
+    let mut harness = harness(sequence(), [700.0, 500.0]);
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    let size = harness.state().picture_size();
+    let long = "a/very/long/path/".repeat(12);
+    let inputs = [format!("/nowhere/first/{long}x.bgeo"), "/nowhere/second.bgeo".to_owned()];
+    for input in &inputs {
+        harness.state_mut().open(Source::new(input));
+        let reported =
+            |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains(input.as_str()));
+        until(&mut harness, "a notice", reported);
+        harness.step();
+        harness.step();
+    }
+    let texts: Vec<String> =
+        harness.state().notices().iter().map(|notice| notice.text.clone()).collect();
+    assert_eq!(texts.len(), 2);
+    let picture = harness.get_by_label("Picture").rect();
+    for text in &texts {
+        let notice = harness.get_by_label(text).rect();
+        assert!(picture.contains_rect(notice), "{text} is cut off: {notice:?}");
+    }
+    // The long one has several lines.
+    assert!(harness.get_by_label(&texts[0]).rect().height() > 30.0);
+    harness.key_press(eframe::egui::Key::Escape);
     harness.step();
     harness.step();
     assert!(harness.state().notices().is_empty());
     assert_eq!(harness.state().picture_size(), size, "notices resize the picture");
+    harness.get_by_label_contains("Messages").click_accesskit();
+    harness.step();
+    harness.step();
+    for text in &texts {
+        harness.get_by_label(text);
+    }
+    assert_eq!(harness.state().picture_size(), size, "the log resizes the picture");
 }
 
 /// The viewer reports likely mistakes in an input as `render` does.

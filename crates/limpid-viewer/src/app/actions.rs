@@ -49,6 +49,7 @@ impl Viewer {
             Action::Help => self.interface.help = !self.interface.help,
             Action::Close => {
                 self.interface.help = false;
+                self.interface.messages = false;
                 self.interface.notices.clear();
             }
             Action::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),

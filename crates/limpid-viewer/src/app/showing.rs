@@ -17,9 +17,9 @@ use crate::panels::error_plot::Present;
 use crate::panels::first_screen::FirstScreen;
 use crate::panels::settings::SettingsPanel;
 use crate::panels::side::{Tab, side_panel};
-use crate::panels::timeline::{Timeline, notice_line};
+use crate::panels::timeline::Timeline;
 use crate::panels::toolbar::Toolbar;
-use crate::panels::{Command, camera_panel};
+use crate::panels::{Command, camera_panel, notices};
 use crate::picture::waiting::{self, LATE, SPIN};
 
 impl Viewer {
@@ -59,6 +59,7 @@ impl Viewer {
             keys: &self.stage.eye.path.keys,
             facts: &self.facts(&ahead),
             films: self.filming.is_some(),
+            messages: self.interface.notices.log().len(),
             adapter: self.interface.adapter.as_deref(),
         };
         timeline.show(ui, &mut commands);
@@ -167,7 +168,7 @@ impl Viewer {
                 };
                 screen.show(ui, rect, &mut commands);
             }
-            notice_line(ui, rect, &mut self.interface.notices);
+            notices::show(ui, rect, &mut self.interface.notices, &mut commands);
         });
         self.obey(ui, commands);
     }
@@ -231,6 +232,7 @@ impl Viewer {
                     self.interface.dialog = Some(Dialog::new(Purpose::SavePath, "camera.toml"));
                 }
                 Command::StopFilm => self.filming.iter().for_each(|filming| filming.stop()),
+                Command::ShowMessages => self.interface.messages = true,
                 Command::Trace => self.trace(),
             }
         }

@@ -125,6 +125,8 @@ pub(crate) struct Wishes {
 /// The state of panels, dialogs and notices.
 pub(crate) struct Interface {
     pub(crate) notices: Notices,
+    /// Whether the log of notices is shown.
+    pub(crate) messages: bool,
     pub(crate) tab: Tab,
     pub(crate) panels: bool,
     pub(crate) help: bool,
@@ -147,6 +149,7 @@ impl Interface {
     pub(crate) fn new(recent: Recent) -> Self {
         Self {
             notices: Notices::default(),
+            messages: false,
             tab: Tab::Settings,
             panels: true,
             help: false,

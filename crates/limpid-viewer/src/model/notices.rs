@@ -1,11 +1,12 @@
-//! Notices to the user.
+//! Notices to the user, and their log.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use web_time::Instant;
 
-/// Most notices that are kept.
-const MOST: usize = 50;
+/// Most notices in the log.
+const MOST: usize = 200;
 
 /// How long notices other than errors are shown.
 const TIME: Duration = Duration::from_secs(6);
@@ -15,46 +16,60 @@ const TIME: Duration = Duration::from_secs(6);
 pub struct Notice {
     /// Its text.
     pub text: String,
-    /// Whether it is an error, which stays until it is dismissed.
+    /// Whether it is an error, which is shown until it is dismissed.
     pub error: bool,
-    since: Instant,
+    /// When it was last given.
+    pub(crate) since: Instant,
 }
 
 /// The notices to the user, newest last.
 #[derive(Debug, Default)]
-pub(crate) struct Notices(Vec<Notice>);
+pub(crate) struct Notices {
+    /// Those over the picture.
+    shown: Vec<Notice>,
+    /// All of them, also those that are not shown any more.
+    log: VecDeque<Notice>,
+}
 
 impl Notices {
     pub(crate) fn add(&mut self, text: String, error: bool) {
         let notice = Notice { text, error, since: Instant::now() };
-        match self.0.last_mut() {
-            // Show repeated notices once.
+        // Show repeated notices once.
+        self.shown.retain(|shown| shown.text != notice.text);
+        self.shown.push(notice.clone());
+        match self.log.back_mut() {
             Some(last) if last.text == notice.text => *last = notice,
-            _ => self.0.push(notice),
+            _ => self.log.push_back(notice),
         }
-        if self.0.len() > MOST {
-            self.0.remove(0);
+        if self.log.len() > MOST {
+            self.log.pop_front();
         }
     }
 
-    /// Drops those that have been shown for long enough. Returns the newest of the others, and for how long that is
-    /// still shown, if not until it is dismissed.
-    pub(crate) fn newest(&mut self) -> Option<(&Notice, Option<Duration>)> {
-        self.0.retain(|notice| notice.error || notice.since.elapsed() < TIME);
-        let newest = self.0.last()?;
-        let left = (!newest.error).then(|| TIME.saturating_sub(newest.since.elapsed()));
-        Some((newest, left))
+    /// Drops those that have been shown for long enough. Returns for how long all others are still shown.
+    pub(crate) fn expire(&mut self) -> Option<Duration> {
+        self.shown.retain(|notice| notice.error || notice.since.elapsed() < TIME);
+        let passing = self.shown.iter().filter(|notice| !notice.error);
+        passing.map(|notice| TIME.saturating_sub(notice.since.elapsed())).min()
     }
 
-    pub(crate) fn dismiss(&mut self) {
-        self.0.pop();
+    /// Dismisses the notice of an index in [`Notices::shown`].
+    pub(crate) fn dismiss(&mut self, i: usize) {
+        self.shown.remove(i);
     }
 
+    /// Dismisses all that are shown.
     pub(crate) fn clear(&mut self) {
-        self.0.clear();
+        self.shown.clear();
     }
 
-    pub(crate) fn all(&self) -> &[Notice] {
-        &self.0
+    /// Those over the picture.
+    pub(crate) fn shown(&self) -> &[Notice] {
+        &self.shown
+    }
+
+    /// All of them, also those that are not shown any more.
+    pub(crate) fn log(&self) -> impl DoubleEndedIterator<Item = &Notice> + ExactSizeIterator {
+        self.log.iter()
     }
 }

@@ -1,11 +1,10 @@
-//! The bars at the bottom: playback, loaded frames and status; and notices above them.
+//! The bars at the bottom: playback, loaded frames and status.
 
 use std::collections::BTreeSet;
 
 use eframe::egui::{self, Color32, Rect, Sense, Stroke, StrokeKind, pos2, vec2};
 
 use crate::model::document::Document;
-use crate::model::notices::Notices;
 use crate::model::playback::{Playback, Speed};
 use crate::model::shortcuts::{self, Action};
 use crate::panels::Command;
@@ -37,6 +36,8 @@ pub(crate) struct Timeline<'a> {
     pub(crate) facts: &'a [String],
     /// Whether a film is being written.
     pub(crate) films: bool,
+    /// Number of notices in the log.
+    pub(crate) messages: usize,
     /// The graphics device that draws.
     pub(crate) adapter: Option<&'a str>,
 }
@@ -169,6 +170,11 @@ impl Timeline<'_> {
         ui.horizontal(|ui| {
             ui.small(self.facts.join("   ·   "));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if self.messages > 0
+                    && ui.small_button(format!("Messages: {}", self.messages)).clicked()
+                {
+                    commands.push(Command::ShowMessages);
+                }
                 if self.films && ui.small_button("Stop film").clicked() {
                     commands.push(Command::StopFilm);
                 }
@@ -180,40 +186,4 @@ impl Timeline<'_> {
             });
         });
     }
-}
-
-/// The newest notice, if there is one, over the lower edge of `rect`: a picture keeps its size when notices come and go.
-pub(crate) fn notice_line(ui: &mut egui::Ui, rect: Rect, notices: &mut Notices) {
-    let Some((notice, left)) = notices.newest() else { return };
-    if let Some(left) = left {
-        ui.ctx().request_repaint_after(left);
-    }
-    let color = match notice.error {
-        true => ui.visuals().error_fg_color,
-        false => accent(ui),
-    };
-    let text = notice.text.clone();
-    let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
-    let line = rect.with_min_y(rect.bottom() - 32.0);
-    ui.scope_builder(egui::UiBuilder::new().max_rect(line), |ui| {
-        bar.show(ui, |ui| {
-            ui.horizontal_centered(|ui| {
-                let (dot, _) = ui.allocate_exact_size(vec2(8.0, 16.0), Sense::hover());
-                ui.painter().circle_filled(dot.center(), 4.0, color);
-                let more = notices.all().len() - 1;
-                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    if icons::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
-                        notices.dismiss();
-                    }
-                    if more > 0 {
-                        ui.weak(format!("and {more} more"));
-                    }
-                    ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                        let label = egui::Label::new(text.as_str()).truncate();
-                        ui.add(label).on_hover_text(text.as_str());
-                    });
-                });
-            });
-        });
-    });
 }
