@@ -10,6 +10,7 @@ mod panels;
 mod parts;
 mod pictures;
 mod playing;
+mod saving;
 mod settings;
 mod window;
 

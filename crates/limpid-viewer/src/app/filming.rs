@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 use glam::UVec2;
 
@@ -30,17 +31,30 @@ impl Viewer {
         self.check_legend(size);
         let stop = Arc::<AtomicBool>::default();
         let pictures = script.shots.len();
-        self.filming = Some(Filming { done: 0, pictures, stop: stop.clone() });
+        let (begun, left) = (Instant::now(), None);
+        self.filming = Some(Filming { done: 0, pictures, begun, left, stop: stop.clone() });
         self.backend.film(script, path, document, stop);
     }
 
-    fn script(&self, document: &Document, size: UVec2, samples: u32) -> Result<Script> {
-        let frame_times = self.stage.frame_times.clone();
+    /// Frames, length and rate of the film that would be saved, in words.
+    pub(super) fn film_facts(&self) -> String {
+        match self.shots() {
+            Ok(shots) => {
+                let (frames, fps) = (shots.len(), self.stage.playback.fps);
+                let seconds = frames as f64 / fps;
+                format!("{frames} frames, {seconds:.2} s at {} frames per second", decimals(fps))
+            }
+            Err(error) => error.to_string(),
+        }
+    }
+
+    /// The pictures of a film of what is played.
+    fn shots(&self) -> Result<Vec<Shot>> {
         let motion = match self.stage.eye.is_led() {
             true => Motion::Path(self.stage.eye.path.clone()),
             false => Motion::Still,
         };
-        let numbers: Vec<i64> = (0..frame_times.len() as i64).collect();
+        let numbers: Vec<i64> = (0..self.stage.frame_times.len() as i64).collect();
         let fps = self.stage.playback.fps;
         let stride = self.stage.playback.speed().stride();
         let shots = film::shots(&numbers, self.stage.eye.camera, &motion, fps)?;
@@ -49,6 +63,12 @@ impl Viewer {
             let problem = "not saved: a film needs several frames, or a camera path to follow";
             return Err(Error::Usage(problem.into()));
         }
+        Ok(shots)
+    }
+
+    fn script(&self, document: &Document, size: UVec2, samples: u32) -> Result<Script> {
+        let (frame_times, shots) = (self.stage.frame_times.clone(), self.shots()?);
+        let fps = self.stage.playback.fps;
         let mut scene = self.picture.fine_scene(&self.stage.editing);
         scene.settings.refract.samples = samples;
         let colors = &self.stage.colors;
@@ -59,4 +79,10 @@ impl Viewer {
         let input = document.input.clone().processed_by(self.stage.processor).colored_by(by);
         Ok(Script { input, scene, frame_times, shots, size, fps, legend })
     }
+}
+
+/// A number with at most two decimals.
+fn decimals(value: f64) -> String {
+    let text = format!("{value:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

@@ -1,6 +1,7 @@
 //! The handling of messages from the backend.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use serde_json::json;
 
@@ -33,6 +34,9 @@ impl Viewer {
                 Message::Filmed(done) => {
                     if let Some(filming) = &mut self.filming {
                         filming.done = done;
+                        let passed = filming.begun.elapsed().as_secs_f64() / done.max(1) as f64;
+                        let left = filming.pictures.saturating_sub(done) as f64;
+                        filming.left = Some(Duration::from_secs_f64(passed * left));
                     }
                 }
                 Message::FilmEnded(written) => self.film_ended(written),
@@ -106,10 +110,14 @@ impl Viewer {
     pub(crate) fn take_saved(&mut self, saved: Result<PathBuf>) {
         match saved {
             Ok(path) => {
+                self.interface.saving.retain(|saving| *saving != path);
                 self.log.event("saved", json!({ "path": path }));
                 self.show_info(format!("saved {}", path.display()));
             }
-            Err(error) => self.fail(&error),
+            Err(error) => {
+                self.interface.saving.pop_front();
+                self.fail(&error);
+            }
         }
     }
 

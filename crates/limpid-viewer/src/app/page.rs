@@ -78,6 +78,11 @@ impl Viewer {
     /// Nothing: a page is given scenes and particles alone.
     pub(super) fn load_path(&self, _path: PathBuf) {}
 
+    /// Nothing: a page saves no films.
+    pub(super) fn film_facts(&self) -> String {
+        String::new()
+    }
+
     /// Says why no film is saved.
     pub fn save_film(&mut self, _path: PathBuf, _size: UVec2, _samples: u32) {
         self.show_info(NO_FILMS.into());

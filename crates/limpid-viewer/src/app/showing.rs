@@ -1,6 +1,7 @@
 //! The panels and the viewport: their contents, and the effects of the user's commands.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use eframe::egui::{self, Color32};
 use limpid_io::frame_cache::CacheState;
@@ -90,7 +91,13 @@ impl Viewer {
         }
         facts.extend(self.picture.flipbook_status(&self.stage));
         if let Some(filming) = &self.filming {
-            facts.push(format!("film {} of {}", filming.done, filming.pictures));
+            let left = filming.left.map(|left| format!(", {} left", duration(left)));
+            let (done, all) = (filming.done, filming.pictures);
+            facts.push(format!("film {done} of {all}{}", left.unwrap_or_default()));
+        }
+        if let Some(path) = self.interface.saving.front() {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            facts.push(format!("saving {name}"));
         }
         facts
     }
@@ -229,12 +236,22 @@ impl Viewer {
                     self.interface.dialog = Some(Dialog::new(Purpose::LoadPath, "camera.toml"));
                 }
                 Command::SavePath => {
-                    self.interface.dialog = Some(Dialog::new(Purpose::SavePath, "camera.toml"));
+                    let path = self.free_path("camera.toml");
+                    self.interface.dialog = Some(Dialog::new(Purpose::SavePath, path));
                 }
                 Command::StopFilm => self.filming.iter().for_each(|filming| filming.stop()),
                 Command::ShowMessages => self.interface.messages = true,
                 Command::Trace => self.trace(),
             }
         }
+    }
+}
+
+/// A time that is left, in words.
+fn duration(left: Duration) -> String {
+    match left.as_secs_f64().ceil() as u64 {
+        seconds @ 0..100 => format!("{seconds} s"),
+        seconds @ 100..6000 => format!("{} min", seconds.div_ceil(60)),
+        seconds => format!("{} h {} min", seconds / 3600, seconds % 3600 / 60),
     }
 }

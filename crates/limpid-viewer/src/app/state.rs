@@ -1,6 +1,7 @@
 //! The viewer's state, grouped by the component that changes it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -133,6 +134,10 @@ pub(crate) struct Interface {
     pub(crate) dialog: Option<Dialog>,
     /// Whether the system's dialog for files is open.
     pub(crate) browsing: bool,
+    /// The folder that was saved in last.
+    pub(crate) saved_in: Option<PathBuf>,
+    /// Pictures that are being drawn and written, the next one first.
+    pub(crate) saving: VecDeque<PathBuf>,
     pub(crate) recent: Recent,
     /// The demos' pictures, once they have been shown.
     pub(crate) demos: Vec<egui::TextureHandle>,
@@ -155,6 +160,8 @@ impl Interface {
             help: false,
             dialog: None,
             browsing: false,
+            saved_in: None,
+            saving: VecDeque::new(),
             recent,
             demos: Vec::new(),
             dark: true,

@@ -71,8 +71,13 @@ impl Viewer {
             if !extensions.is_empty() {
                 system = system.add_filter(name, extensions);
             }
+            let path = std::path::absolute(&path).unwrap_or_else(|_| path.into());
+            if let Some(folder) = path.parent().filter(|folder| folder.is_dir()) {
+                system = system.set_directory(folder);
+            }
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
             match purpose.saves() {
-                true => system.set_file_name(path).save_file(),
+                true => system.set_file_name(name).save_file(),
                 false => system.pick_file(),
             }
         });

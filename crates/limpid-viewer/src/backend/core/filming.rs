@@ -2,6 +2,9 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use web_time::Instant;
 
 /// A film that is being written; dropping this stops it.
 #[derive(Debug)]
@@ -10,6 +13,10 @@ pub(crate) struct Filming {
     pub(crate) done: usize,
     /// All its pictures.
     pub(crate) pictures: usize,
+    /// When it was begun.
+    pub(crate) begun: Instant,
+    /// Expected time until it is whole; `None` before its first picture.
+    pub(crate) left: Option<Duration>,
     /// Set to stop it.
     pub(crate) stop: Arc<AtomicBool>,
 }
