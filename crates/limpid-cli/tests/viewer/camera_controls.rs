@@ -1,7 +1,7 @@
 //! Camera controls, checked against closed forms.
 
 use glam::{DVec2, DVec3, Vec3};
-use limpid::camera::Camera;
+use limpid::camera::{Camera, Lens};
 use limpid_viewer::picture::camera_controls;
 
 /// Cameras at several scales, some near the poles.
@@ -114,5 +114,44 @@ fn fit_shows_all_of_the_box() {
                 assert!(reach <= 1.0 && reach > 0.8, "{reach}");
             }
         }
+    }
+}
+
+/// With parallel rays a zoom changes the height of the picture, not the distance, and keeps the point under the pointer;
+/// a pan moves by shares of that height, and the whole of a box fits into it.
+#[test]
+fn parallel_cameras_change_their_height() {
+    for camera in cameras() {
+        let distance = camera.eye.distance(camera.target);
+        let height = 0.7 * distance;
+        let camera = Camera { lens: Some(Lens::Orthographic { height }), ..camera };
+        let height_of = |camera: &Camera| match camera.lens {
+            Some(Lens::Orthographic { height }) => height,
+            other => panic!("{other:?}"),
+        };
+        let cursor = DVec2::new(0.4, -0.3);
+        let zoomed = camera_controls::zoom(&camera, 0.5, cursor);
+        assert!((height_of(&zoomed) / height - (-0.5f64).exp()).abs() < 1e-12);
+        assert!(close(zoomed.eye - zoomed.target, camera.eye - camera.target, distance));
+        let [right, up, _] = camera_controls::axes(&camera);
+        let under = |camera: &Camera| {
+            camera.target + 0.5 * height_of(camera) * (cursor.x * right + cursor.y * up)
+        };
+        assert!(close(under(&zoomed), under(&camera), distance));
+        let panned = camera_controls::pan(&camera, DVec2::new(0.25, 0.0));
+        assert!(close(panned.target, camera.target + 0.25 * height * right, distance));
+        let half = distance * DVec3::new(0.2, 0.3, 0.1);
+        let fitted = camera_controls::fit(&camera, (-half, half), 1.5);
+        let corner = |i: u32| {
+            let sign = |bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
+            half * DVec3::new(sign(0), sign(1), sign(2))
+        };
+        let shares = (0..8).map(|i| {
+            let corner = corner(i);
+            corner.dot(up).abs().max(corner.dot(right).abs() / 1.5) / (0.5 * height_of(&fitted))
+        });
+        let most = shares.fold(0.0, f64::max);
+        assert!((most - 1.0 / 1.05).abs() < 1e-9, "{most}");
+        assert!(fitted.eye.distance(fitted.target) > half.length());
     }
 }

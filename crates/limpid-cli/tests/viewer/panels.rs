@@ -210,3 +210,45 @@ fn question_mark_lists_every_key() {
         assert!(harness.query_all_by_label(text).next().is_some(), "{text} is not listed");
     }
 }
+
+/// The camera panel and the wheel change the height of a camera with parallel rays.
+#[test]
+fn height_of_parallel_cameras_can_be_changed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("parallel.toml");
+    let text = "[recipe]\nkind = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.5\ncount = 200\n\
+                [camera]\neye = [0, 1, 4]\ntarget = [0, 0, 0]\nheight = 2.0\n";
+    std::fs::write(&path, text).expect("it is written");
+    let mut harness = harness(Source::new(path.display().to_string()), [900.0, 600.0]);
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    let height = |harness: &Harness<'static, Viewer>| -> f64 {
+        let command = harness.state().command_line("x").expect("open");
+        let rest = command.split_once("height=").expect("a height").1;
+        rest.split([' ', '\'']).next().and_then(|text| text.parse().ok()).expect("a number")
+    };
+    assert_eq!(height(&harness), 2.0);
+    harness.get_by_label("Camera").click_accesskit();
+    harness.step();
+    harness.step();
+    assert!(harness.query_by_label("Field of view").is_none());
+    harness.get_by_role_and_label(Role::Slider, "Height").set_value_accesskit(3.0);
+    harness.step();
+    harness.step();
+    assert!((height(&harness) - 3.0).abs() < 1e-6, "{}", height(&harness));
+    let eye = harness.state().status()["eye"].clone();
+    // The wheel, in the middle of the picture.
+    let middle = harness.get_by_label("Picture").rect().center();
+    harness.event(eframe::egui::Event::PointerMoved(middle));
+    harness.event(eframe::egui::Event::MouseWheel {
+        unit: eframe::egui::MouseWheelUnit::Point,
+        delta: [0.0, 120.0].into(),
+        phase: eframe::egui::TouchPhase::Move,
+        source: eframe::egui::MouseWheelSource::Unknown,
+        modifiers: eframe::egui::Modifiers::NONE,
+    });
+    for _ in 0..30 {
+        harness.step();
+    }
+    assert!(height(&harness) < 2.9, "{}", height(&harness));
+    assert_eq!(harness.state().status()["eye"], eye, "a wheel in the middle moves no eye");
+}

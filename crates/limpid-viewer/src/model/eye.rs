@@ -1,6 +1,6 @@
 //! The camera and its path.
 
-use limpid::camera::Camera;
+use limpid::camera::{Camera, Lens};
 use limpid_io::camera_path::{CameraPath, Key};
 
 /// The camera and its path.
@@ -55,4 +55,13 @@ impl Eye {
         self.path.keys.sort_by(|a, b| a.time.total_cmp(&b.time));
         self.path.keys.dedup_by(|a, b| a.time == b.time);
     }
+}
+
+/// A camera with parallel rays that shows this height, m.
+#[must_use]
+pub(crate) fn with_height(camera: &Camera, height: f64) -> Camera {
+    let tangent = 0.5 * height / camera.eye.distance(camera.target).max(f64::MIN_POSITIVE);
+    // That of a lens that shows about as much.
+    let fov_y = (2.0 * tangent.atan().to_degrees()) as f32;
+    Camera { fov_y, lens: Some(Lens::Orthographic { height }), ..*camera }
 }

@@ -2,11 +2,12 @@
 
 use eframe::egui;
 
-use crate::model::eye::Eye;
+use crate::model::eye::{Eye, with_height};
 use crate::model::platform::IN_BROWSER;
 use crate::model::shortcuts::Action;
 use crate::panels::Command;
 use crate::panels::icons::{self, Sign};
+use limpid::camera::{Camera, Lens};
 
 pub(crate) fn camera_panel(ui: &mut egui::Ui, eye: &mut Eye, commands: &mut Vec<Command>) {
     let mut camera = eye.camera;
@@ -31,15 +32,7 @@ pub(crate) fn camera_panel(ui: &mut egui::Ui, eye: &mut Eye, commands: &mut Vec<
         }
         ui.end_row();
     });
-    ui.horizontal(|ui| {
-        let label = ui.label("Field of view");
-        let shown = rounded(camera.fov_y.into(), 2);
-        let slider = egui::Slider::new(&mut camera.fov_y, 1.0..=150.0).suffix("°");
-        let slider = slider.clamping(egui::SliderClamping::Edits);
-        let slider =
-            slider.custom_formatter(|x, _| rounded(x, 2)).custom_parser(edited_number(shown));
-        ui.add(slider).labelled_by(label.id);
-    });
+    lens(ui, &mut camera);
     eye.set(camera);
     ui.horizontal(|ui| {
         if ui.button("Fit to liquid").clicked() {
@@ -52,6 +45,35 @@ pub(crate) fn camera_panel(ui: &mut egui::Ui, eye: &mut Eye, commands: &mut Vec<
     ui.separator();
     ui.strong("Key frames");
     keys(ui, eye, commands);
+}
+
+/// How much the camera shows: by its field of view, or with parallel rays by its height.
+fn lens(ui: &mut egui::Ui, camera: &mut Camera) {
+    ui.horizontal(|ui| match camera.lens {
+        None => {
+            let label = ui.label("Field of view");
+            let shown = rounded(camera.fov_y.into(), 2);
+            let slider = egui::Slider::new(&mut camera.fov_y, 1.0..=150.0).suffix("°");
+            let slider = slider.clamping(egui::SliderClamping::Edits);
+            let slider =
+                slider.custom_formatter(|x, _| rounded(x, 2)).custom_parser(edited_number(shown));
+            ui.add(slider).labelled_by(label.id);
+        }
+        Some(Lens::Orthographic { mut height }) => {
+            let label = ui.label("Height");
+            let shown = rounded(height, 4);
+            let slider = egui::Slider::new(&mut height, 1e-3..=1e4).logarithmic(true).suffix(" m");
+            let slider = slider.clamping(egui::SliderClamping::Edits);
+            let slider =
+                slider.custom_formatter(|x, _| rounded(x, 4)).custom_parser(edited_number(shown));
+            if ui.add(slider).labelled_by(label.id).changed() {
+                *camera = with_height(camera, height);
+            }
+        }
+        Some(Lens::Pinhole { .. }) => {
+            ui.weak("A calibrated lens, whose field of view is its own");
+        }
+    });
 }
 
 fn keys(ui: &mut egui::Ui, eye: &mut Eye, commands: &mut Vec<Command>) {

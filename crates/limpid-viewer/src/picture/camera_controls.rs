@@ -3,7 +3,8 @@
 
 use glam::{DQuat, DVec2, DVec3};
 
-use limpid::camera::Camera;
+use crate::model::eye::with_height;
+use limpid::camera::{Camera, Lens};
 
 /// Least angle between the view direction and `up`, radians.
 const MIN_POLE_ANGLE: f64 = 0.01;
@@ -42,11 +43,18 @@ pub fn pan(camera: &Camera, shift: DVec2) -> Camera {
 }
 
 /// Moves the camera by `amount` e-foldings towards, or if negative away from, the point under `cursor` at
-/// the target's distance. `cursor` is relative to the picture's centre, in half heights, right and up.
+/// the target's distance. `cursor` is relative to the picture's centre, in half heights, right and up. A camera with
+/// parallel rays shows less or more instead, and moves aside.
 #[must_use]
 pub fn zoom(camera: &Camera, amount: f64, cursor: DVec2) -> Camera {
     let [right, up, _] = axes(camera);
     let fixed = camera.target + half_height(camera) * (cursor.x * right + cursor.y * up);
+    if let Some(Lens::Orthographic { height }) = camera.lens {
+        let (wanted, range) = (height * (-amount).exp(), (*DISTANCE.start(), *DISTANCE.end()));
+        let wanted = wanted.clamp(range.0.min(height), range.1.max(height));
+        let aside = (1.0 - wanted / height) * (fixed - camera.target);
+        return with_height(&translated(camera, aside), wanted);
+    }
     let distance = camera.eye.distance(camera.target);
     let factor = (distance * (-amount).exp()).clamp(*DISTANCE.start(), *DISTANCE.end()) / distance;
     Camera {
@@ -69,16 +77,21 @@ pub fn fly(camera: &Camera, distance: DVec3) -> Camera {
 pub fn fit(camera: &Camera, (min, max): (DVec3, DVec3), aspect: f64) -> Camera {
     let [right, up, back] = axes(camera);
     let (target, half) = (0.5 * (min + max), 0.5 * (max - min));
-    let tangent = tangent(camera);
     let corners = (0..8).map(|i| {
         let sign = |bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
         half * DVec3::new(sign(0), sign(1), sign(2))
     });
-    let needed = corners.map(|corner| {
-        let off_axis = corner.dot(up).abs().max(corner.dot(right).abs() / aspect);
-        corner.dot(back) + off_axis / tangent
-    });
+    let off_axis = |corner: DVec3| corner.dot(up).abs().max(corner.dot(right).abs() / aspect);
     let least = (1e-12 * target.abs().max_element()).max(*DISTANCE.start());
+    if let Some(Lens::Orthographic { .. }) = camera.lens {
+        let height = 2.1 * corners.map(off_axis).fold(least, f64::max);
+        // As far away as before, but outside.
+        let distance = camera.eye.distance(camera.target).max(1.05 * half.length()).max(least);
+        let moved = Camera { eye: target + distance * back, target, ..*camera };
+        return with_height(&moved, height);
+    }
+    let tangent = tangent(camera);
+    let needed = corners.map(|corner| corner.dot(back) + off_axis(corner) / tangent);
     let distance = 1.05 * needed.fold(least, f64::max);
     Camera { eye: target + distance * back, target, ..*camera }
 }
@@ -104,11 +117,18 @@ fn unit_up(camera: &Camera) -> DVec3 {
     camera.up.as_dvec3().normalize_or(DVec3::Y)
 }
 
+/// Half the height of the view over the distance.
 fn tangent(camera: &Camera) -> f64 {
-    (0.5 * f64::from(camera.fov_y)).to_radians().tan()
+    match camera.lens {
+        Some(Lens::Pinhole { focal, size, .. }) => 0.5 * size.y / focal.y,
+        _ => (0.5 * f64::from(camera.fov_y)).to_radians().tan(),
+    }
 }
 
 /// Half the height of the view at the target's distance, m.
 fn half_height(camera: &Camera) -> f64 {
-    camera.eye.distance(camera.target) * tangent(camera)
+    match camera.lens {
+        Some(Lens::Orthographic { height }) => 0.5 * height,
+        _ => camera.eye.distance(camera.target) * tangent(camera),
+    }
 }
