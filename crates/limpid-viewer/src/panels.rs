@@ -56,6 +56,8 @@ pub(crate) enum Command {
     LoadPath,
     SavePath,
     StopFilm,
+    /// Ends the simulation of the open document, which keeps its frames.
+    StopSimulation,
     /// Shows the log of notices.
     ShowMessages,
     /// Traces the ground truth of the view.

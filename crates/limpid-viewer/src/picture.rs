@@ -7,6 +7,7 @@ mod color_legend;
 pub mod flipbook;
 mod legend;
 mod playing;
+mod points;
 mod refine;
 pub(crate) mod state;
 pub(crate) mod texture;

@@ -139,7 +139,7 @@ fn files_with_z_up_are_turned() {
 }
 
 /// Chooses an item of a combo box.
-fn choose(harness: &mut Harness<'static, Viewer>, name: &str, item: &str) {
+pub(super) fn choose(harness: &mut Harness<'static, Viewer>, name: &str, item: &str) {
     harness.get_by_label(name).click_accesskit();
     harness.step();
     harness.step();

@@ -16,7 +16,7 @@ use limpid_viewer::model::document::Source;
 use limpid_viewer::model::views::View;
 use limpid_viewer::{Options, Viewer};
 
-use super::{PATIENCE, sequence, shown, until};
+use super::{PATIENCE, sequence, shown, until, wait};
 
 /// The devices that a viewer has opened, and the gate that later ones wait for.
 struct Devices {
@@ -137,4 +137,35 @@ fn timeline_has_the_number_of_the_frame_shown() {
     devices.open_gate();
     until(&mut harness, "the last frame", |viewer| shown(viewer) == Some(FrameTime::at(40)));
     harness.get_by_label_contains(" 40 / 40 ");
+}
+
+/// While another file is being opened the old one does not play on, and the screen says so; if that is stopped, the old one
+/// does.
+#[test]
+fn documents_do_not_play_on_under_another_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("slow.toml");
+    let text = "[simulation]\nframes = 9000\nradius = 0.05\n\
+                bounds = { min = [-1.0, 0.0, -1.0], max = [1.0, inf, 1.0] }\n\
+                [[simulation.block]]\nmin = [-0.3, 0.1, -0.3]\nmax = [0.3, 0.6, 0.3]\n";
+    std::fs::write(&path, text).expect("it is written");
+    let mut harness = super::harness(sequence(), [900.0, 400.0]);
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    harness.key_press(Key::Space);
+    harness.step();
+    // Its last frame is there after minutes.
+    let frames = Some("9000".parse().expect("a frame"));
+    harness.state_mut().open(Source { frames, ..Source::new(path.display().to_string()) });
+    harness.step();
+    let at = harness.state().playback().index();
+    steps(&mut harness, Duration::from_millis(800));
+    harness.get_by_label("opening slow.toml");
+    assert_eq!(harness.state().playback().index(), at, "it plays on");
+    let simulates =
+        |harness: &Harness<'static, Viewer>| harness.query_by_label("Stop simulation").is_some();
+    wait(&mut harness, "a simulation", simulates);
+    harness.get_by_label("Stop simulation").click_accesskit();
+    wait(&mut harness, "it plays on", |harness| harness.state().playback().index() != at);
+    assert!(harness.query_by_label("opening slow.toml").is_none());
+    assert!(harness.state().notices().iter().all(|notice| !notice.error));
 }

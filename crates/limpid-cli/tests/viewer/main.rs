@@ -12,6 +12,7 @@ mod pictures;
 mod playing;
 mod saving;
 mod settings;
+mod slow;
 mod window;
 
 use std::path::Path;

@@ -63,6 +63,7 @@ impl Viewer {
             pending: true,
             opened: false,
             progress: None,
+            stopped: false,
             growing: false,
             again: false,
             stop,
@@ -99,6 +100,9 @@ impl Viewer {
         let Some(opening) = self.opened.opening_mut(number) else {
             return;
         };
+        if opening.stopped {
+            return;
+        }
         let ended = progress.done == progress.frames;
         opening.progress = (!ended).then_some(progress);
         let known = if opening.opened { known } else { 0 };
@@ -111,6 +115,23 @@ impl Viewer {
             opening.again = true;
         } else {
             self.grow(number);
+        }
+    }
+
+    /// Ends the simulation of the open document, which keeps the frames that are made.
+    pub(crate) fn stop_simulation(&mut self) {
+        let Some(opening) = &mut self.opened.opening else { return };
+        let Some(Progress { done, frames, .. }) = opening.progress.take() else { return };
+        let (number, opened) = (opening.number, opening.opened);
+        opening.stopped = true;
+        self.backend.halt(number, &opening.stop);
+        self.show_info(format!(
+            "the simulation was stopped after {done} of {frames} frames; open it again to go on"
+        ));
+        if opened {
+            self.grow(number);
+        } else {
+            self.opened.opening = self.opened.before.take();
         }
     }
 
@@ -180,6 +201,7 @@ impl Viewer {
         self.stage.processor = document.project.processor;
         self.stage.colors = Coloring::of(&document, self.stage.colors.legend);
         self.opened.attributes = Attributes::default();
+        self.opened.noticed = false;
         self.stage.editing.edited = 0;
         for side in std::mem::take(&mut self.picture.sides) {
             drop_in_background(side.loaded);
@@ -202,6 +224,7 @@ impl Viewer {
         let was_home = self.stage.eye.camera == old.project.camera_for(Default::default());
         let particles = |source: &Source| (source.adjustments.up, source.adjustments.scale);
         let moved = particles(&old.source) != particles(&document.source);
+        let same = old.has_frames_of(&document);
         let kind =
             |source: &Source| (source.adjustments.color_by.clone(), source.adjustments.medium);
         let is_other_liquid = kind(&old.source) != kind(&document.source);
@@ -216,10 +239,14 @@ impl Viewer {
         if was_home || moved {
             self.stage.eye.camera = document.project.camera_for(Default::default());
         }
-        self.opened.frames.clear();
-        self.opened.failed.clear();
-        for side in &mut self.picture.sides {
-            side.at = None;
+        if !same {
+            // The picture stays until there is another one, but nothing is drawn of the old particles.
+            self.opened.frames.clear();
+            self.opened.failed.clear();
+            for side in &mut self.picture.sides {
+                (side.loaded, side.at, side.time) = (None, None, None);
+            }
+            self.picture.flipping.clear();
         }
         self.picture.withdraw();
         self.stage.playback.fps = document.fps();
@@ -302,7 +329,7 @@ impl Viewer {
         for side in visible {
             match self.opened.frames.get((&self.stage.editing.scenes[side], processor), index) {
                 Some((Ok(loaded), fits)) => {
-                    if self.picture.sides.iter().all(|side| side.loaded.is_none()) {
+                    if !std::mem::replace(&mut self.opened.noticed, true) {
                         first = Some((loaded.clone(), side));
                     }
                     let side = &mut self.picture.sides[side];

@@ -10,12 +10,12 @@ use limpid_io::notice::thousands;
 use crate::app::Viewer;
 use crate::app::state::Attributes;
 use crate::backend::core::truth;
-use crate::model::demos::Demo;
+use crate::model::demos::{DEMOS, Demo};
 use crate::model::document::{Source, short_name};
 use crate::model::platform::IN_BROWSER;
 use crate::panels::dialogs::{Dialog, Purpose};
 use crate::panels::error_plot::Present;
-use crate::panels::first_screen::FirstScreen;
+use crate::panels::first_screen::{self, FirstScreen};
 use crate::panels::settings::SettingsPanel;
 use crate::panels::side::{Tab, side_panel};
 use crate::panels::timeline::Timeline;
@@ -60,6 +60,7 @@ impl Viewer {
             keys: &self.stage.eye.path.keys,
             facts: &self.facts(&ahead),
             films: self.filming.is_some(),
+            simulates: self.opened.simulates(),
             messages: self.interface.notices.log().len(),
             adapter: self.interface.adapter.as_deref(),
         };
@@ -164,10 +165,11 @@ impl Viewer {
             if !self.picture.resize(ui.ctx(), rect, &mut self.log) {
                 return;
             }
+            let has_thumbnail = self.show_thumbnail(ui, rect);
             if self.opened.document.is_some() {
                 self.picture.show(ui, rect, &mut self.stage, &mut self.log);
                 self.show_leaving(ui, rect);
-            } else {
+            } else if !has_thumbnail {
                 let screen = FirstScreen {
                     opening: self.opened.pending(),
                     pictures: &mut self.interface.demos,
@@ -178,6 +180,33 @@ impl Viewer {
             notices::show(ui, rect, &mut self.interface.notices, &mut commands);
         });
         self.obey(ui, commands);
+    }
+
+    /// Shows the picture of a demo until its particles are there; returns whether it does.
+    fn show_thumbnail(&mut self, ui: &egui::Ui, rect: egui::Rect) -> bool {
+        let side = self.picture.edited(&self.stage);
+        if side.loaded.is_some() || side.picture.shown.is_some() {
+            return false;
+        }
+        let open = self.opened.document.as_ref().map(|document| document.source.input.as_str());
+        let pending = self.opened.pending();
+        let Some(demo) = pending.or(open).and_then(Demo::of) else { return false };
+        let pictures = first_screen::pictures(ui.ctx(), &mut self.interface.demos);
+        if let Some((_, picture)) =
+            DEMOS.iter().zip(pictures).find(|(known, _)| known.name == demo.name)
+        {
+            let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+            // It fills the picture, as far as its ratio allows.
+            let size = picture.size_vec2();
+            let scale = (rect.size() / size).min_elem();
+            let place = egui::Rect::from_center_size(rect.center(), size * scale);
+            ui.painter().image(picture.id(), place, whole, Color32::from_gray(190));
+        }
+        if pending.is_some() && self.opened.document.is_none() {
+            waiting::note(ui, rect, &format!("opening {}", demo.title));
+            ui.ctx().request_repaint_after(SPIN);
+        }
+        true
     }
 
     /// Says over the picture of the open document that another one is being opened.
@@ -240,6 +269,7 @@ impl Viewer {
                     self.interface.dialog = Some(Dialog::new(Purpose::SavePath, path));
                 }
                 Command::StopFilm => self.filming.iter().for_each(|filming| filming.stop()),
+                Command::StopSimulation => self.stop_simulation(),
                 Command::ShowMessages => self.interface.messages = true,
                 Command::Trace => self.trace(),
             }

@@ -30,6 +30,8 @@ pub(crate) struct OpenDocument {
     pub(crate) frames: Frames,
     /// Indices of frame times that could not be loaded.
     pub(crate) failed: BTreeSet<usize>,
+    /// Whether the notices on its first frame have been given.
+    pub(crate) noticed: bool,
     /// The attributes of the files.
     pub(crate) attributes: Attributes,
     /// Further wishes of the user, once the source is open.
@@ -60,6 +62,8 @@ pub(crate) struct Opening {
     pub(crate) opened: bool,
     /// Progress of its bake; `None` if none is needed or it has ended.
     pub(crate) progress: Option<Progress>,
+    /// Whether the user has ended its simulation.
+    pub(crate) stopped: bool,
     /// Whether the folder is being searched for new frames.
     pub(crate) growing: bool,
     /// Whether more frames have been baked since that search began.
@@ -82,6 +86,7 @@ impl OpenDocument {
             openings: 0,
             frames,
             failed: BTreeSet::new(),
+            noticed: false,
             attributes: Attributes::default(),
             wishes: Wishes::default(),
         }
@@ -97,6 +102,11 @@ impl OpenDocument {
     pub(crate) fn is_leaving(&self) -> bool {
         let opening = self.opening.as_ref().filter(|opening| opening.pending && !opening.replaces);
         opening.is_some() && self.document.is_some()
+    }
+
+    /// Whether frames are being simulated.
+    pub(crate) fn simulates(&self) -> bool {
+        self.opening.as_ref().is_some_and(|opening| opening.progress.is_some())
     }
 
     /// Whether more frames may follow.

@@ -18,6 +18,8 @@ impl Viewer {
             "frames": self.stage.playback.count(),
             "playing": self.stage.playback.playing,
             "particles": side.loaded.as_ref().map(|loaded| loaded.particles),
+            "loaded": self.opened.frames.state().loaded.len(),
+            "simulates": self.opened.simulates(),
             "atRest": self.is_at_rest(),
             "pictures": self.picture.answered,
             "size": self.picture.viewport_size.to_array(),

@@ -111,6 +111,11 @@ impl Backend {
         });
     }
 
+    /// Ends the simulation of an opening, whose frames stay.
+    pub(crate) fn halt(&self, _number: u64, stop: &AtomicBool) {
+        stop.store(true, Ordering::Relaxed);
+    }
+
     /// Opens the source of an opening again, which has more frames.
     pub(crate) fn grow(&self, number: u64, source: &Source) {
         let (post, source) = (self.post.clone(), source.clone());

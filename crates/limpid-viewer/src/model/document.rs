@@ -9,7 +9,7 @@ use crate::model::playback::Speed;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::look::Framing;
-use limpid::scene::Scene;
+use limpid::scene::{Scene, Shape};
 use limpid_io::adjustments::Adjustments;
 use limpid_io::bake;
 use limpid_io::color_by::{ColorBy, ColorScale};
@@ -126,6 +126,24 @@ impl Document {
     /// The usual range of the values that colour the particles, if it is known.
     pub(crate) fn usual_range(&self) -> Option<[f32; 2]> {
         self.scale.as_ref().filter(|scale| scale.automatic).map(|scale| scale.range)
+    }
+
+    /// Whether its frames are those of another document of the same file, whatever else differs: look, sky, sun, and the
+    /// liquid's optics. Settings of classification are compared elsewhere.
+    pub(crate) fn has_frames_of(&self, other: &Self) -> bool {
+        let reading = |document: &Self| {
+            let mut source = document.source.clone();
+            let adjusted = &mut source.adjustments;
+            (adjusted.look, adjusted.sky, adjusted.sun, adjusted.floor) = Default::default();
+            (adjusted.ior, adjusted.tint) = Default::default();
+            source
+        };
+        let shapes = |document: &Self| -> Vec<Shape> {
+            document.project.scene.solids.iter().map(|solid| solid.shape.clone()).collect()
+        };
+        reading(self) == reading(other)
+            && (&self.numbers, &self.project.color_by) == (&other.numbers, &other.project.color_by)
+            && shapes(self) == shapes(other)
     }
 
     /// The frame times of playback at a speed.

@@ -56,15 +56,12 @@ fn demos(
     pictures: &mut Vec<egui::TextureHandle>,
     commands: &mut Vec<Command>,
 ) {
-    if pictures.is_empty() {
-        let ctx = ui.ctx();
-        *pictures = DEMOS.iter().map(|demo| texture(ctx, demo)).collect();
-    }
+    let pictures = self::pictures(ui.ctx(), pictures);
     const GAP: f32 = 12.0;
     let card = PICTURE.x + GAP;
     let columns = ((width / card) as usize).clamp(1, DEMOS.len());
     let columns = if columns == 3 { 2 } else { columns };
-    let demos: Vec<_> = DEMOS.iter().zip(&*pictures).collect();
+    let demos: Vec<_> = DEMOS.iter().zip(pictures).collect();
     for row in demos.chunks(columns) {
         let size = vec2(row.len() as f32 * card - GAP, PICTURE.y + 46.0);
         ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Min), |ui| {
@@ -103,6 +100,17 @@ fn recent(ui: &mut egui::Ui, inputs: &[String], commands: &mut Vec<Command>) {
             commands.push(Command::Open(Source::new(input)));
         }
     }
+}
+
+/// The demos' pictures, which are decoded once.
+pub(crate) fn pictures<'a>(
+    ctx: &egui::Context,
+    known: &'a mut Vec<egui::TextureHandle>,
+) -> &'a [egui::TextureHandle] {
+    if known.is_empty() {
+        *known = DEMOS.iter().map(|demo| texture(ctx, demo)).collect();
+    }
+    known
 }
 
 fn texture(ctx: &egui::Context, demo: &Demo) -> egui::TextureHandle {

@@ -36,6 +36,8 @@ pub(crate) struct Timeline<'a> {
     pub(crate) facts: &'a [String],
     /// Whether a film is being written.
     pub(crate) films: bool,
+    /// Whether frames are being simulated.
+    pub(crate) simulates: bool,
     /// Number of notices in the log.
     pub(crate) messages: usize,
     /// The graphics device that draws.
@@ -174,6 +176,9 @@ impl Timeline<'_> {
                     && ui.small_button(format!("Messages: {}", self.messages)).clicked()
                 {
                     commands.push(Command::ShowMessages);
+                }
+                if self.simulates && ui.small_button("Stop simulation").clicked() {
+                    commands.push(Command::StopSimulation);
                 }
                 if self.films && ui.small_button("Stop film").clicked() {
                     commands.push(Command::StopFilm);

@@ -126,7 +126,7 @@ fn tangent(camera: &Camera) -> f64 {
 }
 
 /// Half the height of the view at the target's distance, m.
-fn half_height(camera: &Camera) -> f64 {
+pub fn half_height(camera: &Camera) -> f64 {
     match camera.lens {
         Some(Lens::Orthographic { height }) => 0.5 * height,
         _ => camera.eye.distance(camera.target) * tangent(camera),

@@ -15,6 +15,7 @@ use crate::model::views::View;
 use crate::panels::style::accent;
 use crate::picture::camera_controls;
 use crate::picture::legend;
+use crate::picture::points;
 use crate::picture::state::PictureState;
 use crate::picture::texture::Picture;
 use crate::picture::waiting;
@@ -109,11 +110,10 @@ impl PictureState {
         self.pointer(ui, &viewport, rect, stage, log);
         self.pictures(ui, rect, &mut stage.editing);
         let side = self.edited(stage);
-        if side.picture.shown.is_none() {
-            let what = if side.loaded.is_some() { "drawing" } else { "loading" };
-            let font = FontId::proportional(15.0);
-            let color = ui.visuals().weak_text_color();
-            ui.painter().text(rect.center(), Align2::CENTER_CENTER, what, font, color);
+        if side.picture.shown.is_none()
+            && let Some(loaded) = &side.loaded
+        {
+            points::paint(ui.painter(), rect, loaded, &stage.eye.camera);
         }
         // Legends come and go with their pictures.
         if let Some(facts) = side.picture.shown.clone() {

@@ -1,7 +1,8 @@
 //! Queue of pictures to draw, and their delivery.
 //!
 //! Of pictures for the screen only the newest request counts, and older ones are dropped; pictures to save and to
-//! measure are all drawn, in order.
+//! measure are all drawn, in order. Whatever takes long is ended early for a newer request: a picture to save or to
+//! measure is begun again after that.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -13,9 +14,10 @@ use crate::backend::core::drawing::{self, Answer, DeviceEvent, Drawer, Measured,
 use crate::backend::core::recoloring::Recolored;
 use crate::backend::core::truth::{Point, Truth};
 use crate::model::document::Document;
+use crate::model::level::Level;
 use limpid::gpu::Gpu;
 use limpid::offscreen::Offscreen;
-use limpid_io::error::Result;
+use limpid_io::error::{Error, Result};
 use limpid_io::output::FileKind;
 
 /// The difference between a truth and a picture, 0 to 1.
@@ -39,7 +41,21 @@ pub enum Job {
 pub struct Queue {
     newest: Option<Request>,
     jobs: VecDeque<Job>,
+    /// What is being drawn.
+    current: Current,
     closed: bool,
+}
+
+/// What is being drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Current {
+    /// Nothing, or a coarse picture: if these were ended early, a camera that moves would show none.
+    #[default]
+    Draft,
+    /// A better picture for the screen.
+    Better,
+    /// A task.
+    Job,
 }
 
 /// Picture to draw next.
@@ -57,6 +73,20 @@ impl Queue {
 
     pub(crate) fn push(&mut self, job: Job) {
         self.jobs.push_back(job);
+    }
+
+    /// Puts a task back that was ended early: it is the next one.
+    pub fn put_back(&mut self, job: Job) {
+        self.jobs.push_front(job);
+    }
+
+    /// Whether what is being drawn should end early: for a newer request, or at the end, which waits for tasks alone.
+    pub fn interrupts(&self) -> bool {
+        match self.current {
+            Current::Draft => false,
+            Current::Better => self.is_wanted() || self.closed,
+            Current::Job => self.is_wanted(),
+        }
     }
 
     /// Drops all but the pictures to be saved.
@@ -78,7 +108,14 @@ impl Queue {
 
     /// Takes the next picture: those for the screen first.
     pub(crate) fn next(&mut self) -> Option<Next> {
-        self.newest.take().map(Next::Request).or_else(|| self.jobs.pop_front().map(Next::Job))
+        let request = self.newest.take().map(Next::Request);
+        let next = request.or_else(|| self.jobs.pop_front().map(Next::Job));
+        self.current = match &next {
+            Some(Next::Job(_)) => Current::Job,
+            Some(Next::Request(request)) if request.level > Level::Draft => Current::Better,
+            _ => Current::Draft,
+        };
+        next
     }
 }
 
@@ -101,7 +138,8 @@ where
         Self { drawer: Drawer::new(open), recolored: Recolored::default(), answer, write }
     }
 
-    pub(crate) async fn act(&mut self, next: Next) {
+    /// Draws the next picture. Returns a task that was ended early, to be begun again.
+    pub(crate) async fn act(&mut self, next: Next) -> Option<Job> {
         let Self { drawer, recolored, answer, write } = self;
         let told = |event| {
             answer(match event {
@@ -121,16 +159,21 @@ where
                     }
                     Err(error) => Err(error),
                 };
+                if is_interrupted(&drawn) {
+                    // A newer request takes its place.
+                    return None;
+                }
                 drawn.map_or_else(|error| Answer::NotDrawn(request.number, error), Answer::Drawn)
             }
             Next::Job(Job::Open) => {
                 // The next picture reports why there is no device.
                 let _ = drawing::caught(drawer.offscreen(&told)).await;
-                return;
+                return None;
             }
             Next::Job(Job::Save(pane, path, open)) => {
-                let allowed =
-                    open.map_or(Ok(()), |open| open.check_output(&path, FileKind::PICTURE));
+                let allowed = open
+                    .as_ref()
+                    .map_or(Ok(()), |open| open.check_output(&path, FileKind::PICTURE));
                 let saved = match allowed.and_then(|()| recolored.of(&pane)) {
                     Ok(colors) => {
                         let save = async |offscreen: &mut Offscreen| {
@@ -141,6 +184,9 @@ where
                     }
                     Err(error) => Err(error),
                 };
+                if is_interrupted(&saved) {
+                    return Some(Job::Save(pane, path, open));
+                }
                 Answer::Saved(saved.map(|()| path))
             }
             Next::Job(Job::Measure(pane, truth, metric)) => {
@@ -148,17 +194,26 @@ where
                     measure(offscreen, &pane, &truth, metric).await
                 };
                 let point = drawer.attempt(&told, measure).await;
+                if is_interrupted(&point) {
+                    return Some(Job::Measure(pane, truth, metric));
+                }
                 Answer::Measured(point.map(|point| Measured { truth, point }))
             }
             Next::Job(Job::Lose) => {
                 if let Ok(offscreen) = drawer.offscreen(&told).await {
                     offscreen.gpu().device.destroy();
                 }
-                return;
+                return None;
             }
         };
         answer(answered);
+        None
     }
+}
+
+/// Whether something was ended early.
+fn is_interrupted<T>(drawn: &Result<T>) -> bool {
+    matches!(drawn, Err(Error::Render(limpid::Error::Interrupted)))
 }
 
 async fn measure(
@@ -179,13 +234,16 @@ async fn measure(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::level::Level;
     use crate::model::views::View;
     use glam::{DVec3, UVec2};
     use limpid::camera::Camera;
 
     fn request(number: u64) -> Request {
         Request { number, panes: Vec::new(), level: Level::Draft, view: View::Picture }
+    }
+
+    fn better(number: u64) -> Request {
+        Request { level: Level::Fine, ..request(number) }
     }
 
     fn save(name: &str) -> Job {
@@ -224,5 +282,32 @@ mod tests {
         queue.close();
         assert_eq!(done(&mut queue), ["save a.png", "save b.png"]);
         assert!(queue.is_closed());
+    }
+
+    /// A newer request ends a better picture and a task early, but no coarse picture; the end waits for tasks.
+    #[test]
+    fn newer_requests_end_what_takes_long() {
+        let mut queue = Queue::default();
+        queue.request(Some(request(1)));
+        queue.next();
+        queue.request(Some(better(2)));
+        assert!(!queue.interrupts(), "a coarse picture");
+        queue.next();
+        assert!(!queue.interrupts(), "nothing newer");
+        queue.push(save("a.png"));
+        assert!(!queue.interrupts(), "tasks wait");
+        queue.request(Some(request(3)));
+        assert!(queue.interrupts());
+        queue.next();
+        queue.next();
+        queue.request(Some(request(4)));
+        assert!(queue.interrupts(), "a task");
+        queue.put_back(save("a.png"));
+        queue.push(save("b.png"));
+        assert_eq!(done(&mut queue), ["request 4", "save a.png", "save b.png"]);
+        queue.push(save("c.png"));
+        queue.next();
+        queue.close();
+        assert!(!queue.interrupts(), "it is saved before the end");
     }
 }

@@ -36,6 +36,11 @@ impl Demo {
         Ok(Source::new(self.path()))
     }
 
+    /// The demo whose scene file this is.
+    pub(crate) fn of(input: &str) -> Option<&'static Self> {
+        DEMOS.iter().find(|demo| demo.path() == input)
+    }
+
     fn path(&self) -> String {
         format!("{FOLDER}{}.toml", self.name)
     }

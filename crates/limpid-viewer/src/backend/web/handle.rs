@@ -279,6 +279,11 @@ impl Backend {
         self.ask(&Ask::Open { number, source: source.clone(), again });
     }
 
+    /// Ends the simulation of an opening, whose frames stay.
+    pub(crate) fn halt(&self, number: u64, _stop: &AtomicBool) {
+        self.ask(&Ask::Halt { number });
+    }
+
     /// Opens the source of an opening again.
     pub(crate) fn grow(&self, number: u64, _source: &Source) {
         self.ask(&Ask::Grow { number });

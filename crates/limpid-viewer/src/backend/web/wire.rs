@@ -37,6 +37,8 @@ pub(crate) enum Ask {
     Open { number: u64, source: Source, again: bool },
     /// Ends the simulation of an opening.
     Stop { number: u64 },
+    /// Ends the simulation of an opening, whose frames stay.
+    Halt { number: u64 },
     /// Opens the source of an opening again: it has more frames.
     Grow { number: u64 },
     /// Loads frames of a document ahead of playback.

@@ -96,6 +96,8 @@ struct Baked {
     solids: Vec<Solid>,
     /// The opening that is told of the progress; none once it has ended.
     number: Rc<Cell<Option<u64>>>,
+    /// Whether no more frames are made.
+    halted: Rc<Cell<bool>>,
 }
 
 #[derive(Default)]
@@ -143,6 +145,11 @@ impl Worker {
                 spawn_local(self.clone().open(number, source));
             }
             Ask::Stop { number } => self.stop(number),
+            Ask::Halt { number } => {
+                let all = self.baked.borrow();
+                let its = all.values().filter(|baked| baked.number.get() == Some(number));
+                its.for_each(|baked| baked.halted.set(true));
+            }
             Ask::Grow { number } => {
                 let source = self.sources.borrow().get(&number).cloned();
                 if let Some(source) = source {
@@ -297,7 +304,8 @@ impl Worker {
         let path = Path::new(&plain.input);
         let folder = bake::folder(path);
         let number = Rc::new(Cell::new(Some(number)));
-        let goes_on = self.takes_over(&folder, &simulation, &solids, &number);
+        let halted = Rc::new(Cell::new(false));
+        let goes_on = self.takes_over(&folder, &simulation, &solids, (&number, &halted));
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let files = BakedFiles { folder: &folder, name: &name, goes_on };
         let mut bake = Bake::new(&simulation, &solids, &name, files);
@@ -309,7 +317,7 @@ impl Worker {
             if self.is_wanted() {
                 turn().await;
             }
-            if number.get().is_none() {
+            if number.get().is_none() || halted.get() {
                 break;
             }
         }
@@ -323,7 +331,7 @@ impl Worker {
         folder: &Path,
         simulation: &Simulation,
         solids: &[Solid],
-        number: &Rc<Cell<Option<u64>>>,
+        (number, halted): (&Rc<Cell<Option<u64>>>, &Rc<Cell<bool>>),
     ) -> bool {
         let same = self.baked.borrow().get(folder).is_some_and(|old| {
             // Two tasks would write the same frames.
@@ -334,7 +342,8 @@ impl Worker {
             given::take_back(folder);
         }
         let (simulation, solids) = (simulation.clone(), solids.to_vec());
-        let baked = Baked { simulation, solids, number: number.clone() };
+        let (number, halted) = (number.clone(), halted.clone());
+        let baked = Baked { simulation, solids, number, halted };
         self.baked.borrow_mut().insert(folder.to_owned(), baked);
         same
     }
