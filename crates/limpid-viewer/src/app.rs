@@ -176,7 +176,11 @@ impl Viewer {
         if let Some(request) = self.picture.request(&self.stage, &ctx, &mut self.log) {
             self.backend.request(request);
         }
-        self.picture.watch(&self.stage, &ctx);
+        if self.opened.document.is_none() || self.opened.is_leaving() {
+            self.picture.waits_since = None;
+        } else {
+            self.picture.watch(&self.stage, &ctx);
+        }
         self.compare_with_truth();
         let again = ctx.has_requested_repaint();
         self.log.record_frame(begun, again);

@@ -21,7 +21,7 @@ use crate::panels::side::{Tab, side_panel};
 use crate::panels::timeline::Timeline;
 use crate::panels::toolbar::Toolbar;
 use crate::panels::{Command, camera_panel, notices};
-use crate::picture::waiting::{self, LATE, SPIN};
+use crate::picture::waiting::{self, LATE};
 
 impl Viewer {
     pub(super) fn show_toolbar(&mut self, ui: &mut egui::Ui) {
@@ -168,8 +168,10 @@ impl Viewer {
             let has_thumbnail = self.show_thumbnail(ui, rect);
             if self.opened.document.is_some() {
                 self.picture.show(ui, rect, &mut self.stage, &mut self.log);
-                self.show_leaving(ui, rect);
-            } else if !has_thumbnail {
+            }
+            if self.opened.document.is_some() || has_thumbnail {
+                self.show_opening(ui, rect);
+            } else {
                 let screen = FirstScreen {
                     opening: self.opened.pending(),
                     pictures: &mut self.interface.demos,
@@ -202,23 +204,22 @@ impl Viewer {
             let place = egui::Rect::from_center_size(rect.center(), size * scale);
             ui.painter().image(picture.id(), place, whole, Color32::from_gray(190));
         }
-        if pending.is_some() && self.opened.document.is_none() {
-            waiting::note(ui, rect, &format!("opening {}", demo.title));
-            ui.ctx().request_repaint_after(SPIN);
-        }
         true
     }
 
-    /// Says over the picture of the open document that another one is being opened.
-    fn show_leaving(&self, ui: &egui::Ui, rect: egui::Rect) {
-        let opening = self.opened.opening.as_ref().filter(|_| self.opened.is_leaving());
-        let Some(opening) = opening else { return };
-        let left = LATE.saturating_sub(opening.since.elapsed());
-        ui.ctx().request_repaint_after(left.max(SPIN));
-        if left.is_zero() {
-            ui.painter().rect_filled(rect, 0, Color32::from_black_alpha(140));
-            let name = short_name(&opening.source.input);
-            waiting::note(ui, rect, &format!("opening {name}"));
+    /// Says over the picture of the open document, or of a demo, that another one is being opened.
+    fn show_opening(&self, ui: &egui::Ui, rect: egui::Rect) {
+        let opening = self.opened.opening.as_ref();
+        let Some(opening) = opening.filter(|opening| opening.pending && !opening.replaces) else {
+            return;
+        };
+        waiting::wake(ui.ctx(), opening.since);
+        if opening.since.elapsed() >= LATE {
+            if self.opened.document.is_some() {
+                ui.painter().rect_filled(rect, 0, Color32::from_black_alpha(140));
+            }
+            let words = format!("opening {}", short_name(&opening.source.input));
+            waiting::note(ui, rect, &words, opening.since);
         }
     }
 

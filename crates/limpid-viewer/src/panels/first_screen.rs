@@ -29,7 +29,6 @@ impl FirstScreen<'_> {
                 ui.vertical_centered(|ui| {
                     if let Some(input) = self.opening {
                         ui.add_space(0.4 * rect.height());
-                        ui.spinner();
                         ui.label(format!("opening {input}"));
                         return;
                     }

@@ -25,11 +25,12 @@ pub(crate) fn show(ui: &egui::Ui, rect: Rect, notices: &mut Notices, commands: &
         return;
     }
     let mut dismissed = None;
+    let bottom = rect.center_bottom() - vec2(0.0, 12.0);
     let area = egui::Area::new(ui.scope_id().with("notices"))
-        .fixed_pos(rect.center_bottom() - vec2(0.0, 12.0))
+        .fixed_pos(bottom)
         .pivot(Align2::CENTER_BOTTOM)
         .constrain_to(rect);
-    area.show(ui.ctx(), |ui| {
+    let shown = area.show(ui.ctx(), |ui| {
         ui.set_width((rect.width() - 24.0).min(WIDTH));
         let first = count.saturating_sub(MOST);
         if first > 0 && ui.link(format!("{first} more")).clicked() {
@@ -48,6 +49,10 @@ pub(crate) fn show(ui: &egui::Ui, rect: Rect, notices: &mut Notices, commands: &
             });
         }
     });
+    // An area is placed by the size that it had.
+    if (shown.response.rect.bottom() - bottom.y).abs() > 1.0 {
+        ui.ctx().request_repaint();
+    }
     if let Some(i) = dismissed {
         notices.dismiss(i);
     }

@@ -168,26 +168,31 @@ impl Timeline<'_> {
         index
     }
 
+    /// The status line. Its buttons keep their place, whatever its texts take.
     fn status(&self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
+        let left = egui::Layout::left_to_right(egui::Align::Center);
+        let right = egui::Layout::right_to_left(egui::Align::Center);
         ui.horizontal(|ui| {
-            ui.small(self.facts.join("   ·   "));
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                if self.messages > 0
-                    && ui.small_button(format!("Messages: {}", self.messages)).clicked()
-                {
-                    commands.push(Command::ShowMessages);
+            ui.with_layout(right, |ui| {
+                let messages = format!("Messages: {}", self.messages);
+                let buttons = [
+                    (self.messages > 0, messages.as_str(), Command::ShowMessages),
+                    (self.simulates, "Stop simulation", Command::StopSimulation),
+                    (self.films, "Stop film", Command::StopFilm),
+                ];
+                for (shown, text, command) in buttons {
+                    if shown && ui.small_button(text).clicked() {
+                        commands.push(command);
+                    }
                 }
-                if self.simulates && ui.small_button("Stop simulation").clicked() {
-                    commands.push(Command::StopSimulation);
-                }
-                if self.films && ui.small_button("Stop film").clicked() {
-                    commands.push(Command::StopFilm);
-                }
-                if let Some(adapter) = self.adapter {
-                    ui.add(
-                        egui::Label::new(egui::RichText::new(adapter).small().weak()).truncate(),
-                    );
-                }
+                ui.with_layout(left, |ui| {
+                    let facts = egui::RichText::new(self.facts.join("   ·   ")).small();
+                    ui.add(egui::Label::new(facts).truncate());
+                    ui.with_layout(right, |ui| {
+                        let adapter = egui::RichText::new(self.adapter.unwrap_or_default());
+                        ui.add(egui::Label::new(adapter.small().weak()).truncate());
+                    });
+                });
             });
         });
     }

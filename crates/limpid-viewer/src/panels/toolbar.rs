@@ -127,10 +127,15 @@ fn view_choice(
     named(&response.response, "View");
     if let View::Image(aov, layer) = &mut view {
         let layers = View::Image(*aov, 0).layers(lights);
-        if !layers.is_empty() {
+        // Until its picture is there, the view has no name, nor has its layer.
+        if let View::Image(of, index) = shown
+            && of == *aov
+            && !layers.is_empty()
+        {
+            let index = index.min(layers.len() - 1);
             *layer = (*layer).min(layers.len() - 1);
             let choice = egui::ComboBox::from_id_salt("layer")
-                .selected_text(layers[*layer].as_str())
+                .selected_text(layers[index].as_str())
                 .width(130.0);
             let response = choice.show_ui(ui, |ui| {
                 for (i, name) in layers.iter().enumerate() {

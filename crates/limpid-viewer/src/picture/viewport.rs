@@ -126,8 +126,8 @@ impl PictureState {
             }
         }
         self.flipbook_note(stage, ui, rect);
-        if let Some(words) = self.late(stage) {
-            waiting::note(ui, rect, &words);
+        if let Some((words, since)) = self.late(stage) {
+            waiting::note(ui, rect, &words, since);
         }
     }
 

@@ -13,11 +13,12 @@ use crate::picture::state::PictureState;
 /// A wait is shown once it has lasted for this long.
 pub(crate) const LATE: Duration = Duration::from_millis(300);
 
-/// Time between two positions of a spinner. It is drawn by the device that draws the liquid: rarely.
-pub(crate) const SPIN: Duration = Duration::from_millis(120);
+/// Time between two positions of a spinner. A software adapter needs the processor for the picture itself: each position
+/// delays that by a tenth of a second or two.
+const SPIN: Duration = Duration::from_secs(1);
 
 /// Positions of a spinner in a turn.
-const POSITIONS: u128 = 10;
+const POSITIONS: u64 = 8;
 
 /// The reason for a wait.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +54,11 @@ impl PictureState {
         }
         let index = Some(stage.playback.index());
         let visible = stage.editing.visible();
+        // There is nothing to draw, or the window is minimised.
+        let fails = |&i: &usize| self.sides[i].at == index && self.sides[i].loaded.is_none();
+        if visible.iter().any(fails) || self.viewport_size.min_element() == 0 {
+            return None;
+        }
         let shown = |i: usize| self.sides[i].picture.shown.as_ref();
         let is_other_view =
             |&i: &usize| shown(i).is_none_or(|facts| facts.caption.view != self.view);
@@ -79,14 +85,13 @@ impl PictureState {
             self.waits_since = None;
             return;
         }
-        let passed = self.waits_since.get_or_insert_with(Instant::now).elapsed();
-        ctx.request_repaint_after(LATE.saturating_sub(passed).max(SPIN));
+        wake(ctx, *self.waits_since.get_or_insert_with(Instant::now));
     }
 
     /// The wait that is late, in words.
-    pub(crate) fn late(&self, stage: &Stage) -> Option<String> {
-        self.waits_since.filter(|since| since.elapsed() >= LATE)?;
-        Some(match self.wait(stage)? {
+    pub(crate) fn late(&self, stage: &Stage) -> Option<(String, Instant)> {
+        let since = self.waits_since.filter(|since| since.elapsed() >= LATE)?;
+        let words = match self.wait(stage)? {
             Wait::Frame => {
                 let at = stage.frame_time()?;
                 if stage.frame_times.len() < 2 {
@@ -97,27 +102,35 @@ impl PictureState {
             }
             Wait::View(view) => format!("drawing: {}", view.label()),
             Wait::Picture => "drawing".to_owned(),
-        })
+        };
+        Some((words, since))
     }
 }
 
-/// Shows what is waited for, with a spinner, in the upper right corner of `rect`.
-pub(crate) fn note(ui: &egui::Ui, rect: Rect, words: &str) {
+/// Wakes the interface once a wait is late, and then for each position of the spinner.
+pub(crate) fn wake(ctx: &egui::Context, since: Instant) {
+    let left = LATE.saturating_sub(since.elapsed());
+    ctx.request_repaint_after(if left.is_zero() { SPIN } else { left });
+}
+
+/// Shows what is waited for and for how long, with a spinner, in the upper right corner of `rect`.
+pub(crate) fn note(ui: &egui::Ui, rect: Rect, words: &str, since: Instant) {
     let painter = ui.painter().with_clip_rect(rect);
-    let text = painter.layout_no_wrap(words.into(), FontId::proportional(13.0), Color32::WHITE);
+    let seconds = since.elapsed().as_secs();
+    let text = if seconds > 0 { format!("{words}, {seconds} s") } else { words.to_owned() };
+    let text = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
     let size = text.size() + vec2(24.0, 0.0);
     let place = Align2::RIGHT_TOP.anchor_size(rect.right_top() + vec2(-22.0, 19.0), size);
     painter.rect_filled(place.expand2(vec2(10.0, 7.0)), 5, Color32::from_black_alpha(170));
-    spinner(&painter, pos2(place.left() + 7.0, place.center().y));
+    spinner(&painter, pos2(place.left() + 7.0, place.center().y), seconds);
     painter.galley(place.min + vec2(24.0, 0.0), text, Color32::WHITE);
     // The words are for readers of screens, and for tests.
     let response = ui.interact(place, ui.scope_id().with("wait"), egui::Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, words));
 }
 
-fn spinner(painter: &egui::Painter, center: egui::Pos2) {
-    let step = (painter.ctx().input(|input| input.time) * 1e3) as u128 / SPIN.as_millis();
-    let angle = |k: u128| std::f32::consts::TAU * k as f32 / POSITIONS as f32;
+fn spinner(painter: &egui::Painter, center: egui::Pos2, step: u64) {
+    let angle = |k: u64| std::f32::consts::TAU * k as f32 / POSITIONS as f32;
     for k in 0..POSITIONS {
         let (sin, cos) = angle(step + k).sin_cos();
         let color = Color32::WHITE.gamma_multiply(k as f32 / POSITIONS as f32);
