@@ -110,7 +110,7 @@ impl Viewer {
     pub(crate) fn take_saved(&mut self, saved: Result<PathBuf>) {
         match saved {
             Ok(path) => {
-                self.interface.saving.retain(|saving| *saving != path);
+                self.interface.saving.retain(|saving| saving.path != path);
                 self.log.event("saved", json!({ "path": path }));
                 self.show_info(format!("saved {}", path.display()));
             }

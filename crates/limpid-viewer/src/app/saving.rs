@@ -6,9 +6,11 @@ use std::time::Duration;
 
 use eframe::egui;
 use glam::UVec2;
+use web_time::Instant;
 
 use crate::app::Viewer;
 use crate::app::command_line::command_line;
+use crate::app::state::Saving;
 use crate::backend::core::drawing::Pane;
 use crate::model::platform::IN_BROWSER;
 use crate::panels::dialogs::{Dialog, Drawing, Outcome, Purpose};
@@ -134,6 +136,16 @@ impl Viewer {
         self.draw_picture(path, Drawing { samples, ..self.drawing(size) });
     }
 
+    /// The time that a picture may take: that of the one on screen, in proportion to the rays.
+    fn expected_time(&self, drawing: Drawing) -> Option<Duration> {
+        let shown = self.picture.edited(&self.stage).picture.shown.as_ref()?;
+        let rays = |size: UVec2, samples: u32| {
+            f64::from(size.x) * f64::from(size.y) * f64::from(samples.max(1))
+        };
+        let share = rays(drawing.size, drawing.samples) / rays(shown.size, shown.samples).max(1.0);
+        Duration::try_from_secs_f64(1e-3 * shown.ms * share).ok()
+    }
+
     /// As [`Viewer::save_picture`].
     fn draw_picture(&mut self, path: PathBuf, drawing: Drawing) {
         let Drawing { size, samples, transparent } = drawing;
@@ -151,7 +163,8 @@ impl Viewer {
         let (scene, camera) = (Arc::new(scene), self.stage.eye.camera);
         let pane = Pane { scene, camera, loaded, size, scale, legend };
         self.check_legend(size);
-        self.interface.saving.push_back(path.clone());
+        let (since, expected) = (Instant::now(), self.expected_time(drawing));
+        self.interface.saving.push_back(Saving { path: path.clone(), since, expected });
         self.backend.save(pane, path, self.opened.document.clone());
     }
 }

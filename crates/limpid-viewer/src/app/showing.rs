@@ -96,9 +96,10 @@ impl Viewer {
             let (done, all) = (filming.done, filming.pictures);
             facts.push(format!("film {done} of {all}{}", left.unwrap_or_default()));
         }
-        if let Some(path) = self.interface.saving.front() {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            facts.push(format!("saving {name}"));
+        if let Some(saving) = self.interface.saving.front() {
+            let name = saving.path.file_name().unwrap_or_default().to_string_lossy();
+            let left = saving.left().map(|left| format!(", about {} left", duration(left)));
+            facts.push(format!("saving {name}{}", left.unwrap_or_default()));
         }
         facts
     }

@@ -4,6 +4,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use eframe::egui;
 use limpid::aov::Aov;
@@ -133,6 +134,23 @@ pub(crate) struct Wishes {
     pub(crate) legend: bool,
 }
 
+/// A picture that is being drawn and written.
+#[derive(Debug)]
+pub(crate) struct Saving {
+    pub(crate) path: PathBuf,
+    /// When that was asked for.
+    pub(crate) since: Instant,
+    /// How long it may take, by the picture on screen.
+    pub(crate) expected: Option<Duration>,
+}
+
+impl Saving {
+    /// Expected time until it is written; `None` if unknown, or if it takes longer.
+    pub(crate) fn left(&self) -> Option<Duration> {
+        self.expected?.checked_sub(self.since.elapsed())
+    }
+}
+
 /// The state of panels, dialogs and notices.
 pub(crate) struct Interface {
     pub(crate) notices: Notices,
@@ -147,7 +165,7 @@ pub(crate) struct Interface {
     /// The folder that was saved in last.
     pub(crate) saved_in: Option<PathBuf>,
     /// Pictures that are being drawn and written, the next one first.
-    pub(crate) saving: VecDeque<PathBuf>,
+    pub(crate) saving: VecDeque<Saving>,
     pub(crate) recent: Recent,
     /// The demos' pictures, once they have been shown.
     pub(crate) demos: Vec<egui::TextureHandle>,
