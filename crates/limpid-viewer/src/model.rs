@@ -11,5 +11,6 @@ pub(crate) mod notices;
 pub(crate) mod platform;
 pub mod playback;
 pub mod shortcuts;
+pub(crate) mod sketch;
 pub(crate) mod stage;
 pub mod views;

@@ -3,6 +3,7 @@
 use eframe::egui::{Color32, Mesh, Painter, Pos2, Rect, Shape, vec2};
 use glam::DVec3;
 
+use crate::model::sketch::{enlarged, spread};
 use crate::picture::camera_controls::{axes, half_height};
 use limpid::camera::{Camera, Lens};
 use limpid_io::input::Loaded;
@@ -27,11 +28,11 @@ struct Disc {
 pub(crate) fn paint(painter: &Painter, rect: Rect, loaded: &Loaded, camera: &Camera) -> bool {
     let splats = &loaded.splats;
     let count = splats.aggregates.len() + splats.splashes.len();
-    let step = count.div_ceil(MOST).max(1);
-    // Few discs cover as much as all of them.
-    let larger = (step as f64).cbrt();
-    let all = splats.aggregates.iter().chain(&splats.splashes).step_by(step);
-    let mut discs: Vec<Disc> = all
+    let larger = f64::from(enlarged(count, MOST));
+    let bodies = splats.aggregates.len();
+    let splat = |i: usize| splats.aggregates.get(i).or_else(|| splats.splashes.get(i - bodies));
+    let mut discs: Vec<Disc> = spread(count, MOST)
+        .filter_map(splat)
         .filter_map(|splat| {
             let place = splats.origin + DVec3::from(splat.centre.map(f64::from));
             disc(rect, camera, place, larger * f64::from(splat.radius))

@@ -9,7 +9,7 @@ use js_sys::{Array, ArrayBuffer, Float32Array, Object, Reflect, Uint8Array};
 use limpid::camera::Camera;
 use limpid::gpu::PassTime;
 use limpid::liquid::bulk::Bulk;
-use limpid::liquid::classify::Splats;
+use limpid::liquid::classify::{Splat, Splats};
 use limpid::scene::{Light, Liquid, Medium, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
 use limpid_io::adjustments::{Floor, Sun};
@@ -28,6 +28,7 @@ use wasm_bindgen::{JsCast, JsValue};
 use crate::backend::core::drawing::{Drawn, Shown};
 use crate::model::document::{Document, Source};
 use crate::model::level::Level;
+use crate::model::sketch::{enlarged, spread};
 use crate::model::views::{Legend, Values, View};
 
 /// Message of a page to its worker.
@@ -217,17 +218,44 @@ pub(super) struct LoadedText {
     splashes: usize,
     radius: f32,
     bulk: Bulk,
+    /// Centres, relative to the origin, and radii of some of them, m: for a coarse picture until there is a first one.
+    sketch: Vec<[f32; 4]>,
+    origin: DVec3,
 }
 
+/// Most particles of a sketch.
+const SKETCHED: usize = 4000;
+
 impl LoadedText {
-    pub(super) fn of(frame: u64, loaded: &Loaded) -> Self {
-        let &Loaded { number, particles, splashes, bulk, .. } = loaded;
-        Self { frame, number, particles, splashes, radius: loaded.splats.radius, bulk }
+    /// A frame, with a sketch of its particles if it is the first.
+    pub(super) fn of(frame: u64, loaded: &Loaded, is_first: bool) -> Self {
+        let &Loaded { number, particles, splashes, bulk, ref splats, .. } = loaded;
+        let count = splats.aggregates.len() + splats.splashes.len();
+        let larger = enlarged(count, SKETCHED);
+        let bodies = splats.aggregates.len();
+        let splat = |i: usize| splats.aggregates.get(i).or_else(|| splats.splashes.get(i - bodies));
+        let some = spread(count, SKETCHED).filter(|_| is_first).filter_map(splat);
+        let disc = |splat: &Splat| {
+            let [x, y, z] = splat.centre;
+            [x, y, z, larger * splat.radius]
+        };
+        let sketch = some.map(disc).collect();
+        let (radius, origin) = (splats.radius, splats.origin);
+        Self { frame, number, particles, splashes, radius, bulk, sketch, origin }
     }
 
     pub(super) fn outline(&self) -> Loaded {
-        let &Self { number, particles, splashes, radius, bulk, .. } = self;
-        let splats = Splats { radius, ..Splats::default() };
+        let &Self { number, particles, splashes, radius, bulk, origin, .. } = self;
+        let splat = |&[x, y, z, radius]: &[f32; 4]| Splat {
+            centre: [x, y, z],
+            radius,
+            diagonal: [radius; 3],
+            particle: 0,
+            off_diagonal: [0.0; 3],
+            tags: 0,
+        };
+        let aggregates = self.sketch.iter().map(splat).collect();
+        let splats = Splats { radius, aggregates, origin, ..Splats::default() };
         Loaded { number, particles, splashes, splats, bulk, ..Loaded::default() }
     }
 }

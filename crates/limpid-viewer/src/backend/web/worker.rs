@@ -423,14 +423,15 @@ impl Worker {
             Some(Ok(loaded)) => {
                 let document = &cache.document;
                 let source = &document.source.input;
-                if self.noticed.replace(source.clone()) != *source {
+                let is_first = self.noticed.replace(source.clone()) != *source;
+                if is_first {
                     for notice in document.notices(&loaded, &cache.loader.scene) {
                         tell(&Tell::Said(notice.to_string()));
                     }
                 }
                 let frame = self.next_frame.get();
                 self.next_frame.set(frame + 1);
-                let text = LoadedText::of(frame, &loaded);
+                let text = LoadedText::of(frame, &loaded, is_first);
                 let document = cache.document.clone();
                 self.known.borrow_mut().insert(frame, Known { loaded, document });
                 Some(Ok(text))
