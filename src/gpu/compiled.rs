@@ -1,7 +1,7 @@
 //! Shader modules, layouts and pipelines: each is made once for a device, whichever passes, views and renderers use it.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use rayon::prelude::*;
 
@@ -15,7 +15,8 @@ pub(super) struct Compiled {
     modules: Mutex<HashMap<(String, Words), wgpu::ShaderModule>>,
     /// By stages and bindings.
     layouts: Mutex<HashMap<(wgpu::ShaderStages, Vec<wgpu::BindingType>), wgpu::BindGroupLayout>>,
-    pipelines: Mutex<HashMap<Kernel, wgpu::ComputePipeline>>,
+    /// Empty while they are compiled.
+    pipelines: Mutex<HashMap<Kernel, Arc<OnceLock<wgpu::ComputePipeline>>>>,
 }
 
 /// An entry point of a shader's module, its layouts, and its constants with the bits of their values.
@@ -173,7 +174,7 @@ impl Gpu {
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
         let kernel = Kernel::new(shader, module, entry_point, layouts, constants);
-        self.known(&kernel).unwrap_or_else(|| self.compile(kernel))
+        self.known(&kernel).unwrap_or_else(|| self.compile(&kernel))
     }
 
     /// An entry point of a root for such words, specialised by `constants`.
@@ -199,17 +200,22 @@ impl Gpu {
             return known.map(|pipeline| pipeline.expect("all are known"));
         }
         let make =
-            |(kernel, known): (Kernel, Option<_>)| known.unwrap_or_else(|| self.compile(kernel));
+            |(kernel, known): (Kernel, Option<_>)| known.unwrap_or_else(|| self.compile(&kernel));
         let made: Vec<_> = kernels.into_par_iter().zip(known).map(make).collect();
         made.try_into().expect("one for each kernel")
     }
 
     fn known(&self, kernel: &Kernel) -> Option<wgpu::ComputePipeline> {
-        locked(&self.compiled.pipelines).get(kernel).cloned()
+        locked(&self.compiled.pipelines).get(kernel)?.get().cloned()
     }
 
-    /// Compiles a pipeline. Not under the lock: others compile at the same time.
-    fn compile(&self, kernel: Kernel) -> wgpu::ComputePipeline {
+    /// Compiles a pipeline. Threads that need the same one wait for it; others compile theirs meanwhile.
+    fn compile(&self, kernel: &Kernel) -> wgpu::ComputePipeline {
+        let place = locked(&self.compiled.pipelines).entry(kernel.clone()).or_default().clone();
+        place.get_or_init(|| self.new_pipeline(kernel)).clone()
+    }
+
+    fn new_pipeline(&self, kernel: &Kernel) -> wgpu::ComputePipeline {
         let layouts: Vec<_> = kernel.layouts.iter().map(Some).collect();
         let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(&kernel.shader),
@@ -219,7 +225,7 @@ impl Gpu {
         let value = |(name, bits): &(String, u64)| (name.clone(), f64::from_bits(*bits));
         let constants: Vec<_> = kernel.constants.iter().map(value).collect();
         let constants: Vec<_> = constants.iter().map(|(name, value)| (&name[..], *value)).collect();
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(&format!("{} {}", kernel.shader, kernel.entry_point)),
             layout: Some(&layout),
             module: &kernel.module,
@@ -230,7 +236,6 @@ impl Gpu {
                 zero_initialize_workgroup_memory: false,
             },
             cache: self.cache(),
-        });
-        locked(&self.compiled.pipelines).entry(kernel).or_insert(pipeline).clone()
+        })
     }
 }
