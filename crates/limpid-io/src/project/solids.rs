@@ -72,7 +72,7 @@ impl SolidFiles {
         }
         let texture = source.texture.as_deref();
         let texture = texture.map(|texture| self.texture(texture, budget)).transpose()?;
-        let of_like = |like: &SolidFiles| {
+        let of_like = |like: &Self| {
             like.meshes.iter().find(|(_, known)| *known == source).map(|(mesh, _)| mesh.clone())
         };
         if let Some(mesh) = self.given.like.as_deref().and_then(of_like) {

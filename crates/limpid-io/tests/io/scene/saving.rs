@@ -123,7 +123,7 @@ fn scenes_name_what_is_in_memory() {
     assert_eq!(again.scene, project.scene);
     // A variant has the mesh, not another of the same data.
     let like = Some(Arc::new(project.solid_files.clone()));
-    let given_too = Given { like, ..given.clone() };
+    let given_too = Given { like, ..given };
     let variant = parse(&format!("look = \"pool\"\n{text}"), &given_too).unwrap();
     let Shape::Mesh { mesh: same, .. } = &variant.scene.solids[0].shape else { panic!("a mesh") };
     assert!(Arc::ptr_eq(same, mesh));
