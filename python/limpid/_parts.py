@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -183,6 +183,10 @@ def environment_of(table: Table | None, pixels: npt.NDArray[np.float32] | None) 
 
 
 def solid_table(label: str, solid: Any, arrays: Arrays) -> Table:
+    is_path = isinstance(solid, Mesh) and isinstance(solid.file, (str, os.PathLike, type(None)))
+    if isinstance(solid, Mesh) and not is_path and solid.vertices is None:
+        vertices, faces = _triangles(f"{label}.file", solid.file)
+        solid = replace(solid, file=None, vertices=vertices, faces=faces)
     shapes = [name for name, kind in _SHAPES.items() if type(solid) is kind]
     if not shapes:
         raise ValueError(f"{label} is {solid!r}; expected a Plane, Box, Sphere or Mesh")
@@ -220,6 +224,21 @@ def solid_of(table: Table, arrays: Arrays) -> Solid:
         given["texture"] = texture_of(given["texture"], arrays)
     solid: Solid = _SHAPES[given.pop("shape")](**given)
     return solid
+
+
+def _triangles(label: str, mesh: Any) -> tuple[Any, Any]:
+    """Vertices and faces of a mesh of another package."""
+    if hasattr(mesh, "extract_surface") and not hasattr(mesh, "is_all_triangles"):
+        mesh = mesh.extract_surface()
+    if hasattr(mesh, "is_all_triangles"):
+        # In PyVista 0.43 and older a method.
+        whole = mesh.is_all_triangles
+        mesh = mesh if (whole() if callable(whole) else whole) else mesh.triangulate()
+        return np.asarray(mesh.points), np.asarray(mesh.faces).reshape(-1, 4)[:, 1:]
+    for name in ("faces", "triangles"):
+        if hasattr(mesh, "vertices") and hasattr(mesh, name):
+            return np.asarray(mesh.vertices), np.asarray(getattr(mesh, name))
+    raise ValueError(f"{label} is {mesh!r}; expected a path, or a mesh of trimesh, PyVista or Open3D")
 
 
 def texture_of(file: str, arrays: Arrays) -> str | npt.NDArray[np.uint8]:

@@ -184,29 +184,6 @@ class Mesh(_Solid):
     scale: float | None = field(default=None, kw_only=True)
     flip: bool | None = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
-        if self.file is not None and not isinstance(self.file, (str, os.PathLike)) and self.vertices is None:
-            vertices, faces = _triangles(self.file)
-            for name, value in (("file", None), ("vertices", vertices), ("faces", faces)):
-                object.__setattr__(self, name, value)
-
-
-def _triangles(mesh: Any) -> tuple[Any, Any]:
-    """Vertices and faces of a mesh of another package."""
-    if hasattr(mesh, "extract_surface") and not hasattr(mesh, "is_all_triangles"):
-        mesh = mesh.extract_surface()
-    if hasattr(mesh, "is_all_triangles"):
-        # In PyVista 0.43 and older a method.
-        whole = mesh.is_all_triangles
-        mesh = mesh if (whole() if callable(whole) else whole) else mesh.triangulate()
-        return np.asarray(mesh.points), np.asarray(mesh.faces).reshape(-1, 4)[:, 1:]
-    for name in ("faces", "triangles"):
-        if hasattr(mesh, "vertices") and hasattr(mesh, name):
-            return np.asarray(mesh.vertices), np.asarray(getattr(mesh, name))
-    raise ValueError(
-        f"{type(mesh).__name__} is no mesh; expected a path, vertices= and faces=, or a mesh of trimesh, PyVista or Open3D"
-    )
-
 
 @dataclass(frozen=True)
 class Sun:

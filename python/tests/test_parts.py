@@ -269,16 +269,14 @@ class Grid:
 
 @pytest.mark.parametrize("kind", [Trimesh, Open3d, PyVista, Grid])
 def test_meshes_of_other_packages_are_meshes(kind):
-    mesh = limpid.Mesh(kind(), color=(1, 0, 0))
-    assert mesh == limpid.Mesh(vertices=CUBE, faces=FACES, color=(1, 0, 0))
-    assert limpid.Scene(solids=[mesh]).solids[0].vertices.shape == CUBE.shape
-    with pytest.raises(ValueError, match="object is no mesh; expected a path"):
-        limpid.Mesh(object())
+    scene = limpid.Scene(solids=[limpid.Mesh(kind(), color=(1, 0, 0))])
+    assert scene == limpid.Scene(solids=[limpid.Mesh(vertices=CUBE, faces=FACES, color=(1, 0, 0))])
+    with pytest.raises(ValueError, match=r"solids\[0\].file is <object.*expected a path, or a mesh of trimesh"):
+        limpid.Scene(solids=[limpid.Mesh(object())])
 
 
 def test_meshes_of_pyvista_are_meshes():
     pyvista = pytest.importorskip("pyvista")
     for shape in (pyvista.Cube(), pyvista.Cube().triangulate(), pyvista.Cube().cast_to_unstructured_grid()):
-        mesh = limpid.Mesh(shape)
-        assert np.shape(mesh.faces) == (12, 3)
-        assert len(limpid.Scene(solids=[mesh]).solids) == 1
+        scene = limpid.Scene(solids=[limpid.Mesh(shape)])
+        assert np.shape(scene.solids[0].faces) == (12, 3)
