@@ -138,10 +138,11 @@ fn view_choice(ui: &mut egui::Ui, now: View, lights: usize, commands: &mut Vec<C
 }
 
 fn compare_choice(ui: &mut egui::Ui, compare: &mut Compare) {
+    ui.label("Compare");
     ui.spacing_mut().item_spacing.x = 2.0;
     for choice in Compare::ALL {
         let hint = match choice {
-            Compare::Off => "the settings that are edited",
+            Compare::Off => "one picture, of the settings that are edited",
             Compare::Wipe => "A on the left of a line that can be moved, B on its right",
             Compare::SideBySide => "A and B beside each other",
         };

@@ -145,7 +145,8 @@ impl PictureState {
     /// Size of one picture on screen, pixels.
     pub(crate) fn full_size(&self, stage: &Stage) -> UVec2 {
         match stage.editing.compare {
-            Compare::SideBySide => UVec2::new(self.viewport_size.x / 2, self.viewport_size.y),
+            // Each half shows the whole picture.
+            Compare::SideBySide => self.viewport_size / 2,
             _ => self.viewport_size,
         }
     }

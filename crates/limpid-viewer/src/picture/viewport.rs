@@ -108,7 +108,7 @@ impl PictureState {
             ui.painter().text(rect.center(), Align2::CENTER_CENTER, what, font, color);
         }
         if let Some(facts) = side.picture.shown.as_ref().filter(|_| self.view != View::Picture) {
-            legend::show(ui, facts, &viewport, rect);
+            legend::show(ui, facts, &viewport, places(rect, stage.editing.compare)[stage.editing.edited]);
         }
         let scale = stage.colors.legend_of(stage.editing.scene());
         if let Some(scale) = scale.filter(|_| self.view == View::Picture) {
@@ -126,7 +126,8 @@ impl PictureState {
         log: &mut Log,
     ) {
         self.dragging = viewport.is_pointer_button_down_on();
-        let height = f64::from(rect.height());
+        let places = places(rect, stage.editing.compare);
+        let height = f64::from(places[0].height());
         let moved = viewport.drag_motion();
         let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y)) / height;
         let shift = ui.input(|input| input.modifiers.shift);
@@ -135,7 +136,8 @@ impl PictureState {
         let mut camera = stage.eye.camera;
         // A cursor in half heights from the middle, right and up.
         let cursor = |at: egui::Pos2| {
-            let offset = (at - rect.center()) * 2.0 / rect.height();
+            let place = if places[1].contains(at) { places[1] } else { places[0] };
+            let offset = (at - place.center()) * 2.0 / place.height();
             DVec2::new(f64::from(offset.x), f64::from(-offset.y))
         };
         let touch = ui.input(egui::InputState::multi_touch);
@@ -199,8 +201,9 @@ impl PictureState {
             Compare::Off => paint(editing.edited, rect, rect),
             Compare::SideBySide => {
                 let (left, right) = rect.split_left_right_at_fraction(0.5);
-                paint(0, left, left);
-                paint(1, right, right);
+                let places = places(rect, editing.compare);
+                paint(0, places[0], left);
+                paint(1, places[1], right);
                 let line = [right.left_top(), right.left_bottom()];
                 ui.painter().line_segment(line, Stroke::new(1.0, Color32::from_gray(20)));
                 letters(left, right);
@@ -227,6 +230,15 @@ impl PictureState {
             }
         }
     }
+}
+
+/// Where the pictures of A and B are in a viewport of `rect`: beside each other both are whole.
+fn places(rect: Rect, compare: Compare) -> [Rect; 2] {
+    if compare != Compare::SideBySide {
+        return [rect; 2];
+    }
+    let (left, right) = rect.split_left_right_at_fraction(0.5);
+    [left, right].map(|half| Rect::from_center_size(half.center(), 0.5 * rect.size()))
 }
 
 /// The camera moved by the keys W, A, S, D, Q and E, beside a liquid of this extent, m.
