@@ -55,6 +55,9 @@ use limpid_io::shared_classifier::Processor;
 use recent::Recent;
 use state::{Interface, OpenDocument};
 
+/// Width of a window from which panels are shown beside the picture, unless the user says otherwise, points.
+const WIDE: f32 = 900.0;
+
 /// Startup options.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -149,10 +152,12 @@ impl Viewer {
             style::apply(&ctx);
             ctx.set_theme(if self.interface.dark { egui::Theme::Dark } else { egui::Theme::Light });
         }
+        self.interface.is_wide = ctx.content_rect().width() >= WIDE;
         self.handle_messages();
         // In a browser the page takes them.
         if !IN_BROWSER {
             self.take_files(&ctx);
+            self.name_window(&ctx);
         }
         self.handle_keys(&ctx);
         self.play(&ctx);
@@ -161,7 +166,7 @@ impl Viewer {
             self.show_toolbar(ui);
         }
         self.show_timeline(ui);
-        if self.interface.panels && self.opened.document.is_some() {
+        if self.interface.shows_panels() && self.opened.document.is_some() {
             self.show_side_panel(ui);
         }
         self.picture.flip(&self.stage, &mut self.log);
@@ -222,6 +227,7 @@ impl Viewer {
     /// Prepares for another window, where nothing has been drawn yet.
     fn reset_for_new_window(&mut self) {
         self.post.leave();
+        self.interface.title.clear();
         self.picture.reset_for_new_window();
     }
 

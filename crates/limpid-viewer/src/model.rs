@@ -10,6 +10,7 @@ pub(crate) mod log;
 pub(crate) mod notices;
 pub(crate) mod platform;
 pub mod playback;
+pub mod reading;
 pub mod shortcuts;
 pub(crate) mod stage;
 pub mod views;

@@ -3,12 +3,14 @@
 
 mod camera;
 mod colors;
+mod data;
 pub(crate) mod dialogs;
 pub(crate) mod error_plot;
 pub(crate) mod first_screen;
 mod icons;
+mod layout;
 mod liquid;
-mod scene;
+pub(crate) mod scene;
 pub(crate) mod settings;
 pub(crate) mod side;
 mod sliders;
@@ -38,6 +40,10 @@ pub(crate) enum Command {
     OpenDemo(&'static Demo),
     /// Opens the current source again, with other adjustments.
     Adjust(Adjustments),
+    /// Opens the current source again, with another particle radius, m, or without a given one.
+    SetRadius(Option<f32>),
+    /// Chooses a folder to open.
+    OpenFolder,
     /// Turns the sun, without opening the source again.
     TurnSun(Adjustments),
     /// Colours the particles by an attribute, or as they were opened.

@@ -1,5 +1,7 @@
 //! Actions of keys, buttons and menus.
 
+use std::path::PathBuf;
+
 use eframe::egui;
 use serde_json::json;
 
@@ -11,11 +13,31 @@ use crate::model::views::View;
 use crate::panels::dialogs::{Dialog, Purpose};
 
 impl Viewer {
-    /// Opens a file that was dropped on the window.
+    /// Opens the files that were dropped on the window: one, or a sequence.
     pub(crate) fn take_files(&mut self, ctx: &egui::Context) {
         let dropped = ctx.input(|input| input.raw.dropped_files.clone());
-        if let Some(file) = dropped.first() {
-            self.open(Source::new(file.path().to_string_lossy()));
+        let paths: Vec<PathBuf> = dropped.iter().map(|file| file.path().to_owned()).collect();
+        let Some((source, left_out)) = Source::of_files(&paths) else { return };
+        if left_out > 0 {
+            self.show_info(format!("{} is opened, {left_out} other files are not", source.input));
+        }
+        self.open(source);
+    }
+
+    /// Sets the title of the window, if it is another one.
+    pub(crate) fn name_window(&mut self, ctx: &egui::Context) {
+        let title = self.title();
+        if self.interface.title != title {
+            self.interface.title.clone_from(&title);
+            ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
+        }
+    }
+
+    /// The title of the window: the name of the document that is open.
+    pub fn title(&self) -> String {
+        match &self.opened.document {
+            Some(document) => format!("{} - limpid", document.name()),
+            None => "limpid".to_owned(),
         }
     }
 
@@ -60,7 +82,7 @@ impl Viewer {
                     egui::Theme::Light
                 });
             }
-            Action::Panels => self.interface.panels = !self.interface.panels,
+            Action::Panels => self.interface.toggle_panels(),
             _ if self.opened.document.is_none() => {}
             Action::Play => self.toggle_play(),
             Action::Reverse => self.stage.playback.backwards = !self.stage.playback.backwards,

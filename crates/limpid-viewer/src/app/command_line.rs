@@ -48,7 +48,7 @@ pub fn command_line(
         // Interpolate between these two frames, whatever others exist.
         option("frames", format!("{},{}", at.frame, at.next));
         option("at", at.time().to_string());
-    } else {
+    } else if document.input.sequence.frames.len() > 1 {
         option("frames", at.frame.to_string());
     }
     option("size", format!("{}x{}", size.x, size.y));

@@ -119,7 +119,12 @@ pub(crate) struct Wishes {
 pub(crate) struct Interface {
     pub(crate) notices: Notices,
     pub(crate) tab: Tab,
-    pub(crate) panels: bool,
+    /// Whether the panels are shown in a narrow window, and in a wide one.
+    pub(crate) panels: [bool; 2],
+    /// Whether the window is wide enough for panels beside the picture.
+    pub(crate) is_wide: bool,
+    /// The title of the window.
+    pub(crate) title: String,
     pub(crate) help: bool,
     pub(crate) dialog: Option<Dialog>,
     /// Whether the system's dialog for files is open.
@@ -140,8 +145,10 @@ impl Interface {
     pub(crate) fn new(recent: Recent) -> Self {
         Self {
             notices: Notices::default(),
-            tab: Tab::Settings,
-            panels: true,
+            tab: Tab::default(),
+            panels: [false, true],
+            is_wide: true,
+            title: String::new(),
             help: false,
             dialog: None,
             browsing: false,
@@ -152,5 +159,16 @@ impl Interface {
             adapter: None,
             ticked: Instant::now(),
         }
+    }
+
+    /// Whether the panels are shown.
+    pub(crate) fn shows_panels(&self) -> bool {
+        self.panels[usize::from(self.is_wide)]
+    }
+
+    /// Shows or hides the panels, in windows as wide as this one.
+    pub(crate) fn toggle_panels(&mut self) {
+        let shown = &mut self.panels[usize::from(self.is_wide)];
+        *shown = !*shown;
     }
 }

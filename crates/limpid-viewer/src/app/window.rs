@@ -60,8 +60,8 @@ impl Viewer {
         self.open(Source::new(path));
     }
 
-    /// Shows the system's file dialog.
-    pub(super) fn browse(&mut self, dialog: Dialog, _how: Browse) {
+    /// Shows the system's dialog for files, or for a folder.
+    pub(super) fn browse(&mut self, dialog: Dialog, how: Browse) {
         self.interface.browsing = true;
         let (purpose, path) = (dialog.purpose, dialog.path.clone());
         self.interface.dialog = Some(dialog);
@@ -71,9 +71,10 @@ impl Viewer {
             if !extensions.is_empty() {
                 system = system.add_filter(name, extensions);
             }
-            match purpose.saves() {
-                true => system.set_file_name(path).save_file(),
-                false => system.pick_file(),
+            match how {
+                Browse::Folder => system.pick_folder(),
+                _ if purpose.saves() => system.set_file_name(path).save_file(),
+                _ => system.pick_file(),
             }
         });
     }

@@ -91,13 +91,13 @@ pub(crate) fn liquid_rows(
         medium_row(ui, scene, document, commands);
     }
     let (hint, range) = match chosen {
-        Sort::Opaque => ("Index of refraction of the coat: varnish 1.5, none 1.\n1 to 3", 1.0),
+        Sort::Opaque => ("Of the coat: varnish 1.5, none 1.\n1 to 3\nliquid.ior", 1.0),
         _ => (
-            "Index of refraction: water 1.33, glass 1.5, a bubble of air in water 0.75.\n0.3 to 3",
+            "Water 1.33, glass 1.5, a bubble of air in water 0.75.\n0.3 to 3\nliquid.ior",
             0.3,
         ),
     };
-    row(ui, "Index", hint, |ui| ui.add(number_slider(&mut scene.liquid.ior, range, 3.0)));
+    row(ui, "Refractive index", hint, |ui| ui.add(number_slider(&mut scene.liquid.ior, range, 3.0)));
     if chosen == Sort::Opaque {
         return opaque_rows(ui, &mut scene.liquid, colors);
     }

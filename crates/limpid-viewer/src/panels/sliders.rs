@@ -76,7 +76,8 @@ mod tests {
     /// Numbers are shown with four digits, whatever their size.
     #[test]
     fn four_digits_are_shown() {
-        let shown = [0.433_779_72, 4.120_904, 1.33, 0.0, -104.2, 99_999.99, 1.234e-7, 0.000_123_456];
+        let shown =
+            [0.433_779_72, 4.120_904, 1.33, 0.0, -104.2, 99_999.99, 1.234e-7, 0.000_123_456];
         let texts = shown.map(significant);
         assert_eq!(
             texts,

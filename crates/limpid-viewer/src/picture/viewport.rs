@@ -108,7 +108,12 @@ impl PictureState {
             ui.painter().text(rect.center(), Align2::CENTER_CENTER, what, font, color);
         }
         if let Some(facts) = side.picture.shown.as_ref().filter(|_| self.view != View::Picture) {
-            legend::show(ui, facts, &viewport, places(rect, stage.editing.compare)[stage.editing.edited]);
+            legend::show(
+                ui,
+                facts,
+                &viewport,
+                places(rect, stage.editing.compare)[stage.editing.edited],
+            );
         }
         let scale = stage.colors.legend_of(stage.editing.scene());
         if let Some(scale) = scale.filter(|_| self.view == View::Picture) {

@@ -16,7 +16,8 @@ use limpid_io::adjustments::{Floor, Sun};
 use limpid_io::color_by::{AttributeRange, ColorBy, ColorScale};
 use limpid_io::error::{Error, Result};
 use limpid_io::frame_cache::CacheState;
-use limpid_io::input::{FrameTime, Loaded, Loader};
+use limpid_io::input::{FrameTime, Loaded, Loader, RadiusFrom};
+use limpid_io::particles;
 use limpid_io::project::{LiquidSource, Project};
 use limpid_io::sequence::{Frame, Sequence};
 use limpid_io::shared_classifier::Processor;
@@ -28,6 +29,7 @@ use wasm_bindgen::{JsCast, JsValue};
 use crate::backend::core::drawing::{Drawn, Shown};
 use crate::model::document::{Document, Source};
 use crate::model::level::Level;
+use crate::model::reading::Reading;
 use crate::model::views::{Legend, Values, View};
 
 /// Message of a page to its worker.
@@ -214,19 +216,24 @@ pub(super) struct LoadedText {
     particles: usize,
     splashes: usize,
     radius: f32,
+    radius_from: RadiusFrom,
+    arrays: Vec<particles::Array>,
     bulk: Bulk,
 }
 
 impl LoadedText {
     pub(super) fn of(frame: u64, loaded: &Loaded) -> Self {
-        let &Loaded { number, particles, splashes, bulk, .. } = loaded;
-        Self { frame, number, particles, splashes, radius: loaded.splats.radius, bulk }
+        let &Loaded { number, particles, splashes, radius_from, bulk, .. } = loaded;
+        let (radius, arrays) = (loaded.splats.radius, loaded.arrays.clone());
+        Self { frame, number, particles, splashes, radius, radius_from, arrays, bulk }
     }
 
     pub(super) fn outline(&self) -> Loaded {
-        let &Self { number, particles, splashes, radius, bulk, .. } = self;
+        let &Self { number, particles, splashes, radius, radius_from, bulk, .. } = self;
+        let arrays = self.arrays.clone();
         let splats = Splats { radius, ..Splats::default() };
-        Loaded { number, particles, splashes, splats, bulk, ..Loaded::default() }
+        let frame = Loaded { number, particles, splashes, splats, bulk, ..Loaded::default() };
+        Loaded { radius_from, arrays, ..frame }
     }
 }
 
@@ -243,6 +250,7 @@ pub(super) struct DocumentText {
     plain_color_by: Option<ColorBy>,
     scale: Option<ColorScale>,
     thickness: Option<f32>,
+    reading: Reading,
     simulation: Option<Simulation>,
     has_files: bool,
     numbers: Vec<i64>,
@@ -266,6 +274,7 @@ impl DocumentText {
             plain_color_by: document.plain_color_by.clone(),
             scale: document.scale.clone(),
             thickness: document.thickness,
+            reading: document.reading,
             simulation: project.source.simulation().cloned(),
             has_files: input.has_files(),
             numbers: numbers.clone(),
@@ -277,7 +286,7 @@ impl DocumentText {
 
     pub(super) fn outline(self) -> Document {
         let Self { id, source, scene, plain, camera, processor, simulation, numbers, .. } = self;
-        let Self { color_by, plain_color_by, scale, thickness, .. } = self;
+        let Self { color_by, plain_color_by, scale, thickness, reading, .. } = self;
         let project = Project {
             scene: scene.outline(),
             camera,
@@ -301,6 +310,7 @@ impl DocumentText {
             project,
             scale,
             thickness,
+            reading,
             numbers,
             id,
         }
