@@ -49,6 +49,7 @@ use crate::panels::times::History;
 use crate::picture::flipbook::Progress;
 use crate::picture::state::PictureState;
 use limpid::camera::Camera;
+use limpid::liquid::Up;
 use limpid::scene::Scene;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::shared_classifier::Processor;
@@ -126,6 +127,7 @@ impl Viewer {
             stage: Stage {
                 editing: Editing::new(Scene::around(min, max, 0.0)),
                 eye: Eye::new(Camera::fit(min, max)),
+                up: Up::default(),
                 playback: Playback::new(0, 30.0),
                 frame_times: Arc::default(),
                 processor: Processor::default(),

@@ -9,4 +9,5 @@ mod playing;
 mod refine;
 pub(crate) mod state;
 pub(crate) mod texture;
+mod triad;
 mod viewport;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use eframe::egui;
+use glam::DVec3;
 use serde_json::json;
 
 use crate::app::Viewer;
@@ -95,6 +96,9 @@ impl Viewer {
             Action::Slower => self.set_speed(self.stage.playback.speed().next(false)),
             Action::Fit => self.fit(),
             Action::Home => self.home(),
+            Action::Front => self.picture.look_from(DVec3::Z, &mut self.stage),
+            Action::Side => self.picture.look_from(DVec3::X, &mut self.stage),
+            Action::Top => self.picture.look_from(DVec3::Y, &mut self.stage),
             Action::AddKey => self.add_key(),
             Action::NextView => {
                 let all: Vec<View> = View::all().collect();

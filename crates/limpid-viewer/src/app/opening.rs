@@ -182,6 +182,7 @@ impl Viewer {
         for side in std::mem::take(&mut self.picture.sides) {
             drop_in_background(side.loaded);
         }
+        self.stage.up = document.reading.up;
         self.stage.eye.camera = document.project.camera_for(Default::default());
         self.stage.eye.path = CameraPath::default();
         self.stage.eye.follow = false;
@@ -220,6 +221,7 @@ impl Viewer {
             side.at = None;
         }
         self.stage.playback.fps = document.fps();
+        self.stage.up = document.reading.up;
         self.stage.frame_times = document.frame_times(self.stage.playback.speed()).into();
         self.stage.playback.set_count(self.stage.frame_times.len());
         self.errors.forget();

@@ -175,6 +175,7 @@ impl Page {
         }
         if options.plain {
             viewer.interface.panels = [false; 2];
+            viewer.picture.has_triad = false;
         }
         viewer.interface.plain = options.plain;
         Self { viewer: Rc::new(RefCell::new(viewer)), worker, drops: Rc::default() }

@@ -29,6 +29,12 @@ pub enum Action {
     Fit,
     /// Go to the scene's own camera.
     Home,
+    /// Look from the front.
+    Front,
+    /// Look from the right side.
+    Side,
+    /// Look from above.
+    Top,
     /// Add a key frame of the camera.
     AddKey,
     /// Show the next view mode.
@@ -109,7 +115,7 @@ const COPY: &str = if IN_BROWSER {
 };
 
 /// All shortcuts, in display order.
-pub const SHORTCUTS: [Shortcut; 26] = [
+pub const SHORTCUTS: [Shortcut; 29] = [
     plain(Action::Play, Key::Space, "Space", "play or pause"),
     plain(Action::Previous, Key::ArrowLeft, "Left", "previous frame"),
     plain(Action::Next, Key::ArrowRight, "Right", "next frame"),
@@ -121,6 +127,9 @@ pub const SHORTCUTS: [Shortcut; 26] = [
     plain(Action::Faster, Key::CloseBracket, "]", "faster"),
     plain(Action::Fit, Key::F, "F", "fit the view to the liquid"),
     plain(Action::Home, Key::H, "H", "the scene's own camera"),
+    plain(Action::Front, Key::Num1, "1", "look from the front"),
+    plain(Action::Side, Key::Num2, "2", "look from the side"),
+    plain(Action::Top, Key::Num3, "3", "look from above"),
     plain(Action::AddKey, Key::K, "K", "add a key frame of the camera"),
     plain(Action::NextView, Key::V, "V", "the next view mode"),
     plain(Action::Picture, Key::P, "P", "the picture, or the view mode before"),

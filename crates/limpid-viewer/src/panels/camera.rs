@@ -4,7 +4,7 @@ use eframe::egui;
 
 use crate::model::eye::Eye;
 use crate::model::platform::IN_BROWSER;
-use crate::model::shortcuts::Action;
+use crate::model::shortcuts::{self, Action};
 use crate::panels::Command;
 use crate::panels::icons::{self, Sign};
 use crate::panels::sliders::{edited_number, rounded};
@@ -48,6 +48,15 @@ pub(crate) fn camera_panel(ui: &mut egui::Ui, eye: &mut Eye, commands: &mut Vec<
         }
         if ui.button("The scene's own").clicked() {
             commands.push(Command::Act(Action::Home));
+        }
+    });
+    ui.horizontal(|ui| {
+        let views = [("Front", Action::Front), ("Side", Action::Side), ("Top", Action::Top)];
+        for (name, action) in views {
+            let hint = shortcuts::of(action).tooltip();
+            if ui.button(name).on_hover_text(hint).clicked() {
+                commands.push(Command::Act(action));
+            }
         }
     });
     ui.separator();

@@ -78,6 +78,8 @@ pub(crate) struct PictureState {
     pub(crate) sides: [Side; 2],
     pub(crate) flipping: Flipping,
     pub(crate) legend: ColorLegend,
+    /// Whether the axes are shown.
+    pub(crate) has_triad: bool,
 }
 
 impl PictureState {
@@ -100,6 +102,7 @@ impl PictureState {
             sides: Default::default(),
             flipping: Flipping::new(flipbook),
             legend: ColorLegend::default(),
+            has_triad: true,
         }
     }
 
@@ -176,11 +179,16 @@ impl PictureState {
 
     /// The camera that shows the whole liquid; `None` until that is loaded.
     pub(crate) fn fitted(&self, stage: &Stage) -> Option<Camera> {
+        self.fitted_from(&stage.eye.camera, stage)
+    }
+
+    /// As [`Self::fitted`], in the direction of `camera`.
+    pub(crate) fn fitted_from(&self, camera: &Camera, stage: &Stage) -> Option<Camera> {
         let loaded = self.edited(stage).loaded.as_ref()?;
         let aspect = self.viewport_size.as_dvec2();
         let aspect = if aspect.min_element() > 0.0 { aspect.x / aspect.y } else { 1.0 };
         let radius = f64::from(loaded.splats.radius);
         let (min, max) = loaded.bulk.bounds;
-        Some(camera_controls::fit(&stage.eye.camera, (min - radius, max + radius), aspect))
+        Some(camera_controls::fit(camera, (min - radius, max + radius), aspect))
     }
 }

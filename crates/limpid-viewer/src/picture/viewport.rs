@@ -17,6 +17,7 @@ use crate::picture::camera_controls;
 use crate::picture::legend;
 use crate::picture::state::PictureState;
 use crate::picture::texture::Picture;
+use crate::picture::triad;
 use limpid::camera::Camera;
 
 /// Rotation for a drag over the picture's height, radians.
@@ -120,6 +121,17 @@ impl PictureState {
             self.legend.show(ui, rect, self.viewport_size, scale);
         }
         self.flipbook_note(stage, ui, rect);
+        if self.has_triad
+            && let Some(direction) = triad::show(ui, rect, &stage.eye.camera, stage.up)
+        {
+            self.look_from(direction, stage);
+        }
+    }
+
+    /// Looks at the liquid from a direction.
+    pub(crate) fn look_from(&self, direction: DVec3, stage: &mut Stage) {
+        let camera = camera_controls::from_direction(&stage.eye.camera, direction);
+        stage.eye.set(self.fitted_from(&camera, stage).unwrap_or(camera));
     }
 
     fn pointer(
