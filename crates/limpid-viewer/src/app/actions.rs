@@ -99,6 +99,8 @@ impl Viewer {
             Action::Front => self.picture.look_from(DVec3::Z, &mut self.stage),
             Action::Side => self.picture.look_from(DVec3::X, &mut self.stage),
             Action::Top => self.picture.look_from(DVec3::Y, &mut self.stage),
+            Action::In => self.stage.playback.mark_first(),
+            Action::Out => self.stage.playback.mark_last(),
             Action::AddKey => self.add_key(),
             Action::NextView => {
                 let all: Vec<View> = View::all().collect();
@@ -144,12 +146,18 @@ impl Viewer {
         let Some(document) = &self.opened.document else { return };
         // With missing frames, the same time may have different indices at the two speeds.
         let seconds = self.stage.frame_time().map_or(0.0, |at| document.seconds(at));
+        let span = self.stage.playback.marked().map(|ends| {
+            ends.map(|i| self.stage.frame_times.get(i).map_or(0.0, |&at| document.seconds(at)))
+        });
         self.stage.frame_times = document.frame_times(speed).into();
+        let span =
+            span.map(|ends| ends.map(|seconds| document.nearest(&self.stage.frame_times, seconds)));
         let index = document.nearest(&self.stage.frame_times, seconds);
         for side in &mut self.picture.sides {
             side.at = None;
         }
         self.stage.playback.set_speed(speed, self.stage.frame_times.len(), index);
+        self.stage.playback.mark(span);
         self.opened.failed.clear();
     }
 

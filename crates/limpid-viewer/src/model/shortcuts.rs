@@ -35,6 +35,10 @@ pub enum Action {
     Side,
     /// Look from above.
     Top,
+    /// Begin playback at this frame time, or where it begins otherwise.
+    In,
+    /// End playback at this frame time, or where it ends otherwise.
+    Out,
     /// Add a key frame of the camera.
     AddKey,
     /// Show the next view mode.
@@ -115,7 +119,7 @@ const COPY: &str = if IN_BROWSER {
 };
 
 /// All shortcuts, in display order.
-pub const SHORTCUTS: [Shortcut; 29] = [
+pub const SHORTCUTS: [Shortcut; 31] = [
     plain(Action::Play, Key::Space, "Space", "play or pause"),
     plain(Action::Previous, Key::ArrowLeft, "Left", "previous frame"),
     plain(Action::Next, Key::ArrowRight, "Right", "next frame"),
@@ -123,6 +127,8 @@ pub const SHORTCUTS: [Shortcut; 29] = [
     plain(Action::Last, Key::End, "End", "last frame"),
     plain(Action::Reverse, Key::R, "R", "play the other way"),
     plain(Action::Loop, Key::L, "L", "loop or play once"),
+    plain(Action::In, Key::I, "I", "begin here when playing, or as before"),
+    plain(Action::Out, Key::O, "O", "end here when playing, or as before"),
     plain(Action::Slower, Key::OpenBracket, "[", "slower"),
     plain(Action::Faster, Key::CloseBracket, "]", "faster"),
     plain(Action::Fit, Key::F, "F", "fit the view to the liquid"),
