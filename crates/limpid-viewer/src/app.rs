@@ -17,6 +17,7 @@ mod saving;
 mod showing;
 mod state;
 mod status;
+mod undoing;
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) mod window;
 
@@ -36,6 +37,7 @@ use crate::model::coloring::Coloring;
 use crate::model::document::Source;
 use crate::model::editing::Editing;
 use crate::model::eye::Eye;
+use crate::model::history::{History, State};
 use crate::model::log::Log;
 use crate::model::notices::Notice;
 use crate::model::platform::IN_BROWSER;
@@ -45,7 +47,7 @@ use crate::model::views::View;
 use crate::panels::dialogs::help_window;
 use crate::panels::error_plot::Errors;
 use crate::panels::style;
-use crate::panels::times::History;
+use crate::panels::times::Times;
 use crate::picture::flipbook::Progress;
 use crate::picture::state::PictureState;
 use limpid::camera::Camera;
@@ -103,9 +105,10 @@ pub struct Viewer {
     opened: OpenDocument,
     stage: Stage,
     picture: PictureState,
-    times: History,
+    times: Times,
     errors: Errors,
     interface: Interface,
+    history: History<State>,
 }
 
 impl Viewer {
@@ -134,9 +137,10 @@ impl Viewer {
                 colors: Coloring::default(),
             },
             picture: PictureState::new(options.flipbook),
-            times: History::default(),
+            times: Times::default(),
             errors: Errors::default(),
             interface: Interface::new(Recent::load(options.recent)),
+            history: History::default(),
         };
         viewer.log.event("start", json!({}));
         if let Some(source) = options.source {
@@ -181,6 +185,7 @@ impl Viewer {
             self.backend.request(request);
         }
         self.compare_with_truth();
+        self.record_changes(&ctx);
         let again = ctx.has_requested_repaint();
         self.log.record_frame(begun, again);
     }

@@ -5,6 +5,7 @@ pub mod demos;
 pub mod document;
 pub(crate) mod editing;
 pub(crate) mod eye;
+pub(crate) mod history;
 pub mod level;
 pub(crate) mod log;
 pub(crate) mod notices;

@@ -101,6 +101,8 @@ impl Viewer {
             Action::Top => self.picture.look_from(DVec3::Y, &mut self.stage),
             Action::In => self.stage.playback.mark_first(),
             Action::Out => self.stage.playback.mark_last(),
+            Action::Undo => self.step_history(false),
+            Action::Redo => self.step_history(true),
             Action::AddKey => self.add_key(),
             Action::NextView => {
                 let all: Vec<View> = View::all().collect();

@@ -10,10 +10,11 @@ use crate::app::state::{Attributes, Opening};
 use crate::backend::here::{drop_in_background, spawn};
 use crate::model::coloring::Coloring;
 use crate::model::document::{Document, Source};
+use crate::model::history::History;
 use crate::model::platform::IN_BROWSER;
 use crate::model::playback::{Playback, Speed};
 use crate::model::views::View;
-use crate::panels::times::History;
+use crate::panels::times::Times;
 use limpid::look::Framing;
 use limpid::scene::Scene;
 use limpid_io::bake::Progress;
@@ -188,7 +189,8 @@ impl Viewer {
         self.stage.eye.follow = false;
         self.picture.subject = None;
         self.picture.flipping.clear();
-        self.times = History::default();
+        self.times = Times::default();
+        self.history = History::default();
         self.errors.clear();
         self.stage.playback.playing = plays;
         self.opened.document = Some(document);
@@ -224,6 +226,9 @@ impl Viewer {
         self.stage.up = document.reading.up;
         self.stage.frame_times = document.frame_times(self.stage.playback.speed()).into();
         self.stage.playback.set_count(self.stage.frame_times.len());
+        if let Some(edits) = self.opened.wishes.edits.take() {
+            (self.stage.editing.scenes, self.stage.colors) = *edits;
+        }
         self.errors.forget();
         self.log.event("reopened", serde_json::json!({ "input": document.source.input }));
         self.opened.document = Some(Arc::new(document));

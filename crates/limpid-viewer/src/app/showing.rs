@@ -34,6 +34,7 @@ impl Viewer {
             lights: self.stage.editing.scene().lights.len(),
             compare: &mut self.stage.editing.compare,
             recent: self.interface.recent.named(),
+            can_step: self.history.can_step(),
         };
         toolbar.show(ui, &mut commands);
         self.obey(ui, commands);

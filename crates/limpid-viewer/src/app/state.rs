@@ -7,12 +7,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use eframe::egui;
 use limpid::aov::Aov;
 use limpid::camera::Camera;
+use limpid::scene::Scene;
 use limpid_io::bake::Progress;
 use limpid_io::color_by::AttributeRange;
 use web_time::Instant;
 
 use crate::app::recent::Recent;
 use crate::backend::frames::Frames;
+use crate::model::coloring::Coloring;
 use crate::model::document::{Document, Source};
 use crate::model::notices::Notices;
 use crate::panels::dialogs::Dialog;
@@ -113,6 +115,8 @@ pub(crate) struct Wishes {
     pub(crate) view: Option<Aov>,
     pub(crate) unrefined: bool,
     pub(crate) legend: bool,
+    /// The settings and the colours to go back to.
+    pub(crate) edits: Option<Box<([Scene; 2], Coloring)>>,
 }
 
 /// The state of panels, dialogs and notices.

@@ -39,6 +39,10 @@ pub enum Action {
     In,
     /// End playback at this frame time, or where it ends otherwise.
     Out,
+    /// Take back the last change.
+    Undo,
+    /// Make it again.
+    Redo,
     /// Add a key frame of the camera.
     AddKey,
     /// Show the next view mode.
@@ -119,7 +123,7 @@ const COPY: &str = if IN_BROWSER {
 };
 
 /// All shortcuts, in display order.
-pub const SHORTCUTS: [Shortcut; 31] = [
+pub const SHORTCUTS: [Shortcut; 33] = [
     plain(Action::Play, Key::Space, "Space", "play or pause"),
     plain(Action::Previous, Key::ArrowLeft, "Left", "previous frame"),
     plain(Action::Next, Key::ArrowRight, "Right", "next frame"),
@@ -141,6 +145,8 @@ pub const SHORTCUTS: [Shortcut; 31] = [
     plain(Action::Picture, Key::P, "P", "the picture, or the view mode before"),
     plain(Action::Compare, Key::C, "C", "one picture, wipe, side by side"),
     plain(Action::Swap, Key::X, "X", "edit the other settings, A or B"),
+    with_command(Action::Undo, Key::Z, "Ctrl Z", "take back the last change of settings"),
+    with_command(Action::Redo, Key::Y, "Ctrl Y", "make it again"),
     with_command(Action::Open, Key::O, "Ctrl O", "open a file"),
     with_command(Action::SavePicture, Key::S, "Ctrl S", "save a picture"),
     with_command(Action::SaveFilm, Key::M, "Ctrl M", FILM),
@@ -178,6 +184,10 @@ pub fn action(key: Key, modifiers: Modifiers) -> Option<Action> {
     };
     // `?` is Shift with a key that differs between keyboards.
     let help = key == Key::Slash && modifiers.shift && plain;
+    let redo = key == Key::Z && modifiers.shift && modifiers.command && !modifiers.alt;
+    if redo {
+        return Some(Action::Redo);
+    }
     let found = if help { Some(of(Action::Help)) } else { SHORTCUTS.iter().find(fits) };
     found.map(|s| s.action)
 }

@@ -15,7 +15,7 @@ const RECENT: usize = 16;
 
 /// Pass times of the last pictures.
 #[derive(Debug, Default)]
-pub(crate) struct History {
+pub(crate) struct Times {
     /// Times by pass, in the order of the passes; NaN for a picture without the pass.
     passes: Vec<(&'static str, VecDeque<f64>)>,
     pictures: usize,
@@ -23,7 +23,7 @@ pub(crate) struct History {
     hovered: Option<usize>,
 }
 
-impl History {
+impl Times {
     pub(crate) fn push(&mut self, times: &[PassTime]) {
         for time in times {
             if !self.passes.iter().any(|(name, _)| *name == time.name) {

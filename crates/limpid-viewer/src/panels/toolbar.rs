@@ -30,11 +30,13 @@ pub(crate) struct Toolbar<'a> {
     pub(crate) compare: &'a mut Compare,
     /// Names and sources of those that were opened last, the last one first.
     pub(crate) recent: Vec<(String, &'a str)>,
+    /// Whether a change can be taken back, and whether one can be made again.
+    pub(crate) can_step: [bool; 2],
 }
 
 impl Toolbar<'_> {
     pub(crate) fn show(self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
-        let Self { open, help, dark, panels, view, lights, compare, recent } = self;
+        let Self { open, help, dark, panels, view, lights, compare, recent, can_step } = self;
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
             let layout = egui::Layout::right_to_left(egui::Align::Center);
@@ -51,6 +53,12 @@ impl Toolbar<'_> {
                 sign(ui, theme, "Theme", Action::Theme, false);
                 if open {
                     sign(ui, Sign::Panels, "Panels", Action::Panels, panels);
+                    ui.add_enabled_ui(can_step[1], |ui| {
+                        sign(ui, Sign::Redo, "Redo", Action::Redo, false);
+                    });
+                    ui.add_enabled_ui(can_step[0], |ui| {
+                        sign(ui, Sign::Undo, "Undo", Action::Undo, false);
+                    });
                 }
                 // On a narrow screen the other buttons can be scrolled.
                 ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
