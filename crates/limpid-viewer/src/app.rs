@@ -12,6 +12,7 @@ mod messages;
 mod opening;
 #[cfg(target_arch = "wasm32")]
 pub mod page;
+mod picking;
 mod recent;
 mod saving;
 mod showing;
@@ -177,6 +178,7 @@ impl Viewer {
         }
         self.picture.flip(&self.stage, &mut self.log);
         self.show_viewport(ui);
+        self.pick();
         help_window(&ctx, &mut self.interface.help);
         self.show_dialog(&ctx);
 

@@ -5,6 +5,7 @@ pub mod camera_controls;
 mod color_legend;
 pub mod flipbook;
 mod legend;
+mod particle;
 mod playing;
 mod refine;
 pub(crate) mod state;

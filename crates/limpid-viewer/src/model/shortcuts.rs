@@ -160,14 +160,15 @@ pub const SHORTCUTS: [Shortcut; 33] = [
 ];
 
 /// Actions of the pointer, for the same list.
-pub const POINTER: [(&str, &str); 7] = [
+pub const POINTER: [(&str, &str); 8] = [
     ("Drag", "orbit"),
     ("Shift drag, or middle button", "pan"),
     ("Wheel", "zoom to the pointer"),
     ("Right button", "look around; with W A S D Q E fly, with Shift faster"),
     ("Two fingers", "pan, and pinch to zoom"),
     ("Double click", "fit the view to the liquid"),
-    ("Drop a file", "open it"),
+    ("Click", "the values of the particle"),
+    ("Drop files", "open them"),
 ];
 
 /// The shortcut of an action.

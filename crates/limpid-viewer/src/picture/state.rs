@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::UVec2;
+use glam::{UVec2, Vec2};
 use serde_json::json;
 use web_time::Instant;
 
+use crate::backend::core::picking::Picked;
 use crate::model::editing::{Compare, Editing};
 use crate::model::level::{FINE_SAMPLES, Level};
 use crate::model::log::Log;
@@ -80,6 +81,12 @@ pub(crate) struct PictureState {
     pub(crate) legend: ColorLegend,
     /// Whether the axes are shown.
     pub(crate) has_triad: bool,
+    /// The place of the picture that was clicked last, both coordinates 0 to 1, until it is asked for.
+    pub(crate) clicked: Option<Vec2>,
+    /// The particle there.
+    pub(crate) picked: Option<Picked>,
+    /// Number of clicks so far.
+    pub(crate) picks: u64,
 }
 
 impl PictureState {
@@ -103,6 +110,9 @@ impl PictureState {
             flipping: Flipping::new(flipbook),
             legend: ColorLegend::default(),
             has_triad: true,
+            clicked: None,
+            picked: None,
+            picks: 0,
         }
     }
 

@@ -15,6 +15,7 @@ use crate::model::views::View;
 use crate::panels::style::accent;
 use crate::picture::camera_controls;
 use crate::picture::legend;
+use crate::picture::particle;
 use crate::picture::state::PictureState;
 use crate::picture::texture::Picture;
 use crate::picture::triad;
@@ -120,6 +121,12 @@ impl PictureState {
         if let Some(scale) = scale.filter(|_| self.view == View::Picture) {
             self.legend.show(ui, rect, self.viewport_size, scale);
         }
+        let place = places(rect, stage.editing.compare)[stage.editing.edited];
+        if let Some(picked) = &self.picked
+            && particle::show(ui, place, self.full_size(stage), &stage.eye.camera, picked)
+        {
+            self.picked = None;
+        }
         self.flipbook_note(stage, ui, rect);
         if self.has_triad
             && let Some(direction) = triad::show(ui, rect, &stage.eye.camera, stage.up)
@@ -191,6 +198,13 @@ impl PictureState {
         if camera != stage.eye.camera {
             log.event("camera", json!({ "eye": camera.eye.to_array() }));
             stage.eye.set(camera);
+        }
+        if viewport.clicked()
+            && let Some(at) = viewport.interact_pointer_pos()
+        {
+            let place = if places[1].contains(at) { places[1] } else { places[0] };
+            let share = (at - place.min) / place.size();
+            self.clicked = Some(glam::Vec2::new(share.x, share.y));
         }
         if viewport.double_clicked()
             && let Some(camera) = self.fitted(stage)

@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 use wasm_bindgen::{JsCast, JsValue};
 
 use crate::backend::core::drawing::{Drawn, Shown};
+use crate::backend::core::picking::{Picked, Sight};
 use crate::model::document::{Document, Source};
 use crate::model::level::Level;
 use crate::model::reading::Reading;
@@ -62,6 +63,8 @@ pub(crate) enum Ask {
     Save { pane: PaneText, name: String },
     /// Reads the attributes of a document's first frame.
     Attributes { number: u64, document: u64 },
+    /// Finds the particle of a document in a line of sight.
+    Pick { number: u64, document: u64, color_by: Option<ColorBy>, at: FrameTime, sight: Sight },
     /// Writes the scene of a document.
     SaveScene {
         document: u64,
@@ -124,6 +127,11 @@ pub(super) enum Tell {
     Attributes {
         number: u64,
         listed: Result<Vec<AttributeRange>, String>,
+    },
+    /// The particle in a line of sight.
+    Picked {
+        number: u64,
+        picked: Result<Option<Picked>, String>,
     },
     /// A file for the user: its name; the buffer is its contents.
     Saved(String),
