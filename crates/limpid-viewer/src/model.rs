@@ -1,5 +1,6 @@
 //! The open document and its view: plain data, which all other folders use.
 
+pub mod clip;
 pub mod coloring;
 pub mod demos;
 pub mod document;

@@ -23,6 +23,7 @@ pub(crate) use camera::camera_panel;
 use limpid_io::adjustments::Adjustments;
 use limpid_io::camera_path::Key;
 use limpid_io::color_by::{Attribute, MapName};
+use limpid_io::particles::Selection;
 
 use crate::model::demos::Demo;
 use crate::model::document::Source;
@@ -42,6 +43,8 @@ pub(crate) enum Command {
     Adjust(Adjustments),
     /// Opens the current source again, with another particle radius, m, or without a given one.
     SetRadius(Option<f32>),
+    /// Opens the current source again, with these of its particles.
+    Select(Selection),
     /// Chooses a folder to open.
     OpenFolder,
     /// Turns the sun, without opening the source again.

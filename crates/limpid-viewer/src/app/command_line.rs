@@ -36,6 +36,9 @@ pub fn command_line(
     if !source.options.map.is_empty() {
         option("map", source.options.map.to_string());
     }
+    if !source.options.select.is_automatic() {
+        option("select", source.options.select.to_string());
+    }
     for (name, value) in source.adjustments.arguments() {
         option(name, value);
     }

@@ -17,10 +17,12 @@ use crate::model::views::View;
 use crate::panels::times::Times;
 use limpid::look::Framing;
 use limpid::scene::Scene;
+use limpid_io::adjustments::Floor;
 use limpid_io::bake::Progress;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::error::Result;
 use limpid_io::input::Loaded;
+use limpid_io::particles::Selection;
 use limpid_io::project::controls;
 
 impl Viewer {
@@ -149,6 +151,20 @@ impl Viewer {
             self.grow(number);
         }
     }
+
+    /// Opens the current source again, with these of its particles. The ground and the liquid stay as they are, although
+    /// they were chosen by the whole body.
+    pub(super) fn select(&mut self, select: Selection) {
+        let Some(document) = &self.opened.document else { return };
+        let mut source = document.source.clone();
+        source.options.select = select;
+        let floor = Floor::of(&document.project.scene);
+        if let Floor::At(_) = floor {
+            source.adjustments.floor.get_or_insert(floor);
+        }
+        self.reopen(source);
+    }
+
     pub(crate) fn opened(&mut self, document: Document) {
         // Simulations start playing.
         let plays = document.project.source.simulation().is_some();
@@ -205,16 +221,21 @@ impl Viewer {
         let moved = particles(&old.source) != particles(&document.source);
         let kind =
             |source: &Source| (source.adjustments.color_by.clone(), source.adjustments.medium);
+        let is_clipped = old.source.options.select != document.source.options.select;
         let is_other_liquid = kind(&old.source) != kind(&document.source);
         for edited in &mut self.stage.editing.scenes {
             let (before, after) = (&old.project.scene, &document.project.scene);
+            let liquid = edited.liquid;
             *edited = carried(edited, before, after, is_other_liquid);
+            if is_clipped {
+                edited.liquid = liquid;
+            }
         }
         self.recolor_reopened(&old, &document);
         if moved {
             self.opened.attributes = Attributes::default();
         }
-        if was_home || moved {
+        if (was_home && !is_clipped) || moved {
             self.stage.eye.camera = document.project.camera_for(Default::default());
         }
         self.opened.frames.clear();

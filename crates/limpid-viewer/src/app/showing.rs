@@ -204,6 +204,7 @@ impl Viewer {
                         self.reopen(Source { radius, ..document.source.clone() });
                     }
                 }
+                Command::Select(select) => self.select(select),
                 Command::OpenFolder => self.browse(Dialog::new(Purpose::Open, ""), Browse::Folder),
                 Command::TurnSun(adjustments) => {
                     if let (Some(document), Some(sun)) =

@@ -6,12 +6,15 @@ use limpid::liquid::Up;
 use limpid::scene::Scene;
 use limpid_io::input::Loaded;
 use limpid_io::notice::thousands;
+use limpid_io::particles::Selection;
 
+use crate::model::clip::{AXES, Clip};
 use crate::model::document::Document;
+use crate::model::platform::IN_BROWSER;
 use crate::model::reading::Known;
 use crate::panels::Command;
 use crate::panels::layout::origin;
-use crate::panels::sliders::{settled_number, significant};
+use crate::panels::sliders::{settled_number, settled_place, significant};
 use crate::panels::toolbar::named;
 
 /// Units of length by name, m.
@@ -56,8 +59,72 @@ impl DataRows<'_> {
             up_row(ui, document, commands);
             unit_row(ui, document, commands);
         }
+        // A page's worker is not told how files are read.
+        if document.input.has_files() && !IN_BROWSER {
+            clip_rows(ui, document, loaded, commands);
+        }
         tint_row(ui, document, scene);
     }
+}
+
+/// The plane that cuts the liquid.
+fn clip_rows(
+    ui: &mut egui::Ui,
+    document: &Document,
+    loaded: Option<&Loaded>,
+    commands: &mut Vec<Command>,
+) {
+    let hint = "Shows the particles on one side of a plane alone.\n--select";
+    let select = &document.source.options.select;
+    let now = Clip::of(select);
+    // Another selection is the user's.
+    if now.is_none() && !select.is_automatic() {
+        return text_row(ui, "Selected", &select.to_string());
+    }
+    let label = ui.label("Clip").on_hover_text(hint);
+    ui.horizontal(|ui| {
+        let mut axis = now.map(|clip| clip.axis);
+        let shown = axis.map_or("none", |axis| AXES[axis]);
+        let choice = egui::ComboBox::from_id_salt("clip").width(56.0).selected_text(shown);
+        let response = choice.show_ui(ui, |ui| {
+            ui.selectable_value(&mut axis, None, "none");
+            for (i, name) in AXES.into_iter().enumerate() {
+                ui.selectable_value(&mut axis, Some(i), name);
+            }
+        });
+        named(&response.response, "Clip");
+        response.response.labelled_by(label.id).on_hover_text(hint);
+        let mut clip = match (axis, now) {
+            (None, None) => return,
+            (None, Some(_)) => return commands.push(Command::Select(Selection::Automatic)),
+            (Some(axis), Some(clip)) if clip.axis == axis => clip,
+            (Some(axis), _) => Clip { axis, above: false, at: middle(document, loaded, axis) },
+        };
+        let (old, speed) = (clip.at, 0.005 * size_along(document, loaded, clip.axis));
+        let typed = settled_place(ui, &label, clip.at, speed);
+        clip.at = typed.unwrap_or(old);
+        let side = if clip.above { "above" } else { "below" };
+        if ui.button(side).on_hover_text("the side that is shown").clicked() {
+            clip.above = !clip.above;
+        }
+        if Some(clip) != now {
+            commands.push(Command::Select(clip.selection()));
+        }
+    });
+    ui.end_row();
+}
+
+/// The middle of the liquid along an axis of the files, in their unit.
+fn middle(document: &Document, loaded: Option<&Loaded>, axis: usize) -> f64 {
+    let (min, max) = loaded.map(|loaded| loaded.bulk.bounds).unwrap_or_default();
+    let middle = document.reading.up.from_y_up(0.5 * (min + max))[axis] / document.reading.scale;
+    significant(middle).parse().unwrap_or(middle)
+}
+
+/// The size of the liquid along an axis of the files, in their unit.
+fn size_along(document: &Document, loaded: Option<&Loaded>, axis: usize) -> f64 {
+    let (min, max) = loaded.map(|loaded| loaded.bulk.bounds).unwrap_or_default();
+    (document.reading.up.from_y_up(max - min)[axis] / document.reading.scale).abs().max(1e-9)
 }
 
 fn text_row(ui: &mut egui::Ui, name: &str, text: &str) {

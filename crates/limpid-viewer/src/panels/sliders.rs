@@ -31,10 +31,30 @@ pub(super) fn settled_number(
     x: f64,
     suffix: &str,
 ) -> Option<f64> {
+    settled(ui, name, x, |drag| {
+        drag.speed(0.005 * x).suffix(suffix).range(1e-12..=1e12).clamp_existing_to_range(false)
+    })
+}
+
+/// As [`settled_number`], for a place that `speed` moves for each point of a drag.
+pub(super) fn settled_place(
+    ui: &mut egui::Ui,
+    name: &egui::Response,
+    x: f64,
+    speed: f64,
+) -> Option<f64> {
+    settled(ui, name, x, |drag| drag.speed(speed))
+}
+
+fn settled(
+    ui: &mut egui::Ui,
+    name: &egui::Response,
+    x: f64,
+    with: impl FnOnce(egui::DragValue<'_>) -> egui::DragValue<'_>,
+) -> Option<f64> {
     let id = name.id.with("dragged");
     let mut edited = ui.data(|data| data.get_temp(id)).unwrap_or(x);
-    let drag = egui::DragValue::new(&mut edited).speed(0.005 * x).suffix(suffix);
-    let drag = drag.range(1e-12..=1e12).clamp_existing_to_range(false).update_while_editing(false);
+    let drag = with(egui::DragValue::new(&mut edited)).update_while_editing(false);
     let drag = drag.custom_formatter(|x, _| significant(x));
     let response = ui.add(drag.custom_parser(edited_number(significant(x)))).labelled_by(name.id);
     if response.dragged() {
