@@ -5,6 +5,7 @@ mod camera_controls;
 mod colors;
 mod data;
 mod devices;
+mod exploring;
 mod first_minutes;
 mod panels;
 mod parts;
