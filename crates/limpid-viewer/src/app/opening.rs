@@ -17,7 +17,7 @@ use crate::model::views::View;
 use crate::panels::times::Times;
 use limpid::look::Framing;
 use limpid::scene::Scene;
-use limpid_io::adjustments::Floor;
+use limpid_io::adjustments::{Floor, Sun};
 use limpid_io::bake::Progress;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::error::Result;
@@ -152,15 +152,19 @@ impl Viewer {
         }
     }
 
-    /// Opens the current source again, with these of its particles. The ground and the liquid stay as they are, although
-    /// they were chosen by the whole body.
+    /// Opens the current source again, with these of its particles. Ground, sun and liquid stay as they are, although they
+    /// were chosen by the whole body.
     pub(super) fn select(&mut self, select: Selection) {
         let Some(document) = &self.opened.document else { return };
         let mut source = document.source.clone();
         source.options.select = select;
-        let floor = Floor::of(&document.project.scene);
-        if let Floor::At(_) = floor {
+        let scene = &document.project.scene;
+        let (floor, sun) = (Floor::of(scene), Sun::of(scene));
+        if document.is_bare() && floor != Floor::None {
             source.adjustments.floor.get_or_insert(floor);
+        }
+        if document.is_bare() && sun != Sun::None {
+            source.adjustments.sun.get_or_insert(sun);
         }
         self.reopen(source);
     }

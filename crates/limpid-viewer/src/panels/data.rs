@@ -118,7 +118,10 @@ fn clip_rows(
 fn middle(document: &Document, loaded: Option<&Loaded>, axis: usize) -> f64 {
     let (min, max) = loaded.map(|loaded| loaded.bulk.bounds).unwrap_or_default();
     let middle = document.reading.up.from_y_up(0.5 * (min + max))[axis] / document.reading.scale;
-    significant(middle).parse().unwrap_or(middle)
+    // A round number for the size of the liquid.
+    let unit = 10f64.powf(size_along(document, loaded, axis).log10().floor() - 2.0);
+    let round = (middle / unit).round() * unit + 0.0;
+    significant(round).parse().unwrap_or(round)
 }
 
 /// The size of the liquid along an axis of the files, in their unit.
