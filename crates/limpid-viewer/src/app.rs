@@ -12,11 +12,13 @@ mod messages;
 mod opening;
 #[cfg(target_arch = "wasm32")]
 pub mod page;
+mod picking;
 mod recent;
 mod saving;
 mod showing;
 mod state;
 mod status;
+mod undoing;
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) mod window;
 
@@ -36,6 +38,7 @@ use crate::model::coloring::Coloring;
 use crate::model::document::Source;
 use crate::model::editing::Editing;
 use crate::model::eye::Eye;
+use crate::model::history::{History, State};
 use crate::model::log::Log;
 use crate::model::notices::Notice;
 use crate::model::platform::IN_BROWSER;
@@ -46,16 +49,20 @@ use crate::panels::dialogs::help_window;
 use crate::panels::error_plot::Errors;
 use crate::panels::notices::log_window;
 use crate::panels::style;
-use crate::panels::times::History;
+use crate::panels::times::Times;
 use crate::picture::flipbook::Progress;
 use crate::picture::state::PictureState;
 use limpid::camera::Camera;
+use limpid::liquid::Up;
 use limpid::scene::Scene;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
 use recent::Recent;
 use state::{Interface, OpenDocument};
+
+/// Width of a window from which panels are shown beside the picture, unless the user says otherwise, points.
+const WIDE: f32 = 900.0;
 
 /// Startup options.
 #[derive(Debug, Clone)]
@@ -101,9 +108,10 @@ pub struct Viewer {
     opened: OpenDocument,
     stage: Stage,
     picture: PictureState,
-    times: History,
+    times: Times,
     errors: Errors,
     interface: Interface,
+    history: History<State>,
 }
 
 impl Viewer {
@@ -125,15 +133,17 @@ impl Viewer {
             stage: Stage {
                 editing: Editing::new(Scene::around(min, max, 0.0)),
                 eye: Eye::new(Camera::fit(min, max)),
+                up: Up::default(),
                 playback: Playback::new(0, 30.0),
                 frame_times: Arc::default(),
                 processor: Processor::default(),
                 colors: Coloring::default(),
             },
             picture: PictureState::new(options.flipbook),
-            times: History::default(),
+            times: Times::default(),
             errors: Errors::default(),
             interface: Interface::new(Recent::load(options.recent)),
+            history: History::default(),
         };
         viewer.log.event("start", json!({}));
         if let Some(source) = options.source {
@@ -151,10 +161,12 @@ impl Viewer {
             style::apply(&ctx);
             ctx.set_theme(if self.interface.dark { egui::Theme::Dark } else { egui::Theme::Light });
         }
+        self.interface.is_wide = ctx.content_rect().width() >= WIDE;
         self.handle_messages();
         // In a browser the page takes them.
         if !IN_BROWSER {
             self.take_files(&ctx);
+            self.name_window(&ctx);
         }
         self.handle_keys(&ctx);
         self.play(&ctx);
@@ -163,11 +175,12 @@ impl Viewer {
             self.show_toolbar(ui);
         }
         self.show_timeline(ui);
-        if self.interface.panels && self.opened.document.is_some() {
+        if self.interface.shows_panels() && self.opened.document.is_some() {
             self.show_side_panel(ui);
         }
         self.picture.flip(&self.stage, &mut self.log);
         self.show_viewport(ui);
+        self.pick();
         help_window(&ctx, &mut self.interface.help);
         log_window(&ctx, &mut self.interface.messages, &self.interface.notices);
         self.show_dialog(&ctx);
@@ -182,6 +195,7 @@ impl Viewer {
             self.picture.watch(&self.stage, &ctx);
         }
         self.compare_with_truth();
+        self.record_changes(&ctx);
         let again = ctx.has_requested_repaint();
         self.log.record_frame(begun, again);
     }
@@ -231,6 +245,7 @@ impl Viewer {
     /// Prepares for another window, where nothing has been drawn yet.
     fn reset_for_new_window(&mut self) {
         self.post.leave();
+        self.interface.title.clear();
         self.picture.reset_for_new_window();
     }
 

@@ -3,13 +3,15 @@
 
 mod camera;
 mod colors;
+mod data;
 pub(crate) mod dialogs;
 pub(crate) mod error_plot;
 pub(crate) mod first_screen;
 mod icons;
+mod layout;
 mod liquid;
 pub(crate) mod notices;
-mod scene;
+pub(crate) mod scene;
 pub(crate) mod settings;
 pub(crate) mod side;
 mod sliders;
@@ -22,6 +24,7 @@ pub(crate) use camera::camera_panel;
 use limpid_io::adjustments::Adjustments;
 use limpid_io::camera_path::Key;
 use limpid_io::color_by::{Attribute, MapName};
+use limpid_io::particles::Selection;
 
 use crate::model::demos::Demo;
 use crate::model::document::Source;
@@ -39,6 +42,12 @@ pub(crate) enum Command {
     OpenDemo(&'static Demo),
     /// Opens the current source again, with other adjustments.
     Adjust(Adjustments),
+    /// Opens the current source again, with another particle radius, m, or without a given one.
+    SetRadius(Option<f32>),
+    /// Opens the current source again, with these of its particles.
+    Select(Selection),
+    /// Chooses a folder to open.
+    OpenFolder,
     /// Turns the sun, without opening the source again.
     TurnSun(Adjustments),
     /// Colours the particles by an attribute, or as they were opened.

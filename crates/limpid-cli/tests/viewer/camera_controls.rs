@@ -52,6 +52,27 @@ fn orbit_keeps_distance_and_horizon() {
     }
 }
 
+/// Views along axes keep target and distance; y is up in the picture, and from above and below x is to the right.
+#[test]
+fn views_along_axes_are_upright() {
+    for camera in cameras() {
+        let distance = camera.eye.distance(camera.target);
+        for direction in DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]) {
+            let seen = camera_controls::from_direction(&camera, direction);
+            seen.check().expect("a valid camera");
+            assert_eq!(seen.target, camera.target);
+            let offset = seen.eye - seen.target;
+            assert!((offset.length() / distance - 1.0).abs() < 1e-4);
+            assert!(offset.normalize().dot(direction) > 0.9999);
+            let [right, above, _] = camera_controls::axes(&seen);
+            match direction.y == 0.0 {
+                true => assert!(above.y > 0.9999),
+                false => assert!(right.x > 0.9999),
+            }
+        }
+    }
+}
+
 /// Pans move eye and target by the same share of the picture, zooms are exponential and keep the point
 /// under the pointer, and flights move along the axes.
 #[test]

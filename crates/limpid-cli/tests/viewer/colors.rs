@@ -18,8 +18,8 @@ use limpid_viewer::model::document::Source;
 use limpid_viewer::{Options, Viewer};
 
 use super::{
-    assert_command_line_writes_what_is_saved, harness, same_picture, sequence, shell, shown, until,
-    wait,
+    assert_command_line_writes_what_is_saved, harness, same_picture, sequence, shell, show_tab,
+    shown, until, wait,
 };
 
 /// Writes a flat body as VTU, whose temperature rises by 20 K a metre from 20 K on, and whose pressure is the same all
@@ -221,8 +221,9 @@ fn legends_are_saved() {
 #[test]
 fn kinds_of_liquid_are_chosen() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut harness = harness(flat(folder.path()), [700.0, 1500.0]);
+    let mut harness = harness(flat(folder.path()), [900.0, 1500.0]);
     at_rest(&mut harness);
+    show_tab(&mut harness, "Settings");
     let saved = |harness: &mut Harness<'static, Viewer>, name: &str| {
         harness.state_mut().save_scene(folder.path().join(name));
         until_file(harness, name);

@@ -102,7 +102,7 @@ fn looks_change_in_place() {
 
     let sun = |viewer: &Viewer| Sun::of(&viewer.scenes()[0]);
     let Sun::At { azimuth, .. } = sun(harness.state()) else { panic!("no sun") };
-    harness.get_by_role_and_label(Role::Slider, "Elevation").focus();
+    harness.get_by_role_and_label(Role::Slider, "Sun height").focus();
     harness.step();
     harness.key_press(eframe::egui::Key::ArrowRight);
     harness.step();

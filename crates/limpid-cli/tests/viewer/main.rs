@@ -3,7 +3,9 @@
 
 mod camera_controls;
 mod colors;
+mod data;
 mod devices;
+mod exploring;
 mod first_minutes;
 mod late;
 mod panels;
@@ -19,6 +21,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
 use limpid_viewer::model::document::Source;
 use limpid_viewer::{FINE_SAMPLES, Options, Viewer};
 
@@ -72,6 +75,13 @@ fn wait(
         std::thread::sleep(Duration::from_millis(5));
         harness.step();
     }
+}
+
+/// Shows a tab of the side panel.
+fn show_tab(harness: &mut Harness<'static, Viewer>, name: &str) {
+    harness.get_by_label(name).click_accesskit();
+    harness.step();
+    harness.step();
 }
 
 #[track_caller]

@@ -9,7 +9,7 @@ use limpid_viewer::model::document::Source;
 use limpid_viewer::model::shortcuts::{POINTER, SHORTCUTS};
 use limpid_viewer::{Options, Viewer};
 
-use super::{harness, sequence, shown, until, wait};
+use super::{harness, sequence, show_tab, shown, until, wait};
 
 /// Showing panels and moving the focus through them changes no value, neither those of any preset nor
 /// values between the steps of a slider.
@@ -41,12 +41,13 @@ fn panels_change_nothing_by_being_shown() {
             command.split_once("--camera").expect("a camera").1.to_owned()
         };
         let before = drawn(&harness);
+        show_tab(&mut harness, "Settings");
         for title in ["Particles to splats", "Caustics", "Radiance to picture"] {
             harness.get_by_label(title).click_accesskit();
             harness.step();
             harness.step();
         }
-        for tab in ["Settings", "Camera"] {
+        for tab in ["Settings", "Camera", "Scene"] {
             harness.get_by_label(tab).click_accesskit();
             harness.step();
             // The focus passes every field and slider of the panel, and wraps around.
@@ -66,7 +67,7 @@ fn panels_change_nothing_by_being_shown() {
 fn truth_applies_only_to_its_own_liquid() {
     let scene =
         Source::new(concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml"));
-    let mut harness = harness(scene, [800.0, 700.0]);
+    let mut harness = harness(scene, [1000.0, 700.0]);
     until(&mut harness, "a picture at rest", Viewer::is_at_rest);
     harness.get_by_label("Times").click_accesskit();
     harness.step();
@@ -79,7 +80,7 @@ fn truth_applies_only_to_its_own_liquid() {
     harness.get_by_label("Settings").click_accesskit();
     harness.step();
     harness.step();
-    harness.get_by_role_and_label(Role::Slider, "Index").set_value_accesskit(1.5);
+    harness.get_by_role_and_label(Role::Slider, "Refractive index").set_value_accesskit(1.5);
     harness.step();
     harness.get_by_label("Times").click_accesskit();
     wait(&mut harness, "the notice", |harness| {
@@ -94,6 +95,7 @@ fn all_settings() -> Harness<'static, Viewer> {
     let scene =
         Source::new(concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml"));
     let mut harness = harness(scene, [1000.0, 2400.0]);
+    show_tab(&mut harness, "Settings");
     for title in ["Particles to splats", "Splats to layers", "Caustics", "Radiance to picture"] {
         harness.get_by_label(title).click();
         harness.run_ok();
@@ -169,7 +171,7 @@ fn every_control_changes_only_its_setting() {
 fn liquid_and_presets_change_and_reset() {
     let mut harness = all_settings();
     let opened = harness.state().scenes()[0].clone();
-    harness.get_by_role_and_label(Role::Slider, "Index").set_value_accesskit(1.5);
+    harness.get_by_role_and_label(Role::Slider, "Refractive index").set_value_accesskit(1.5);
     harness.get_by_role_and_label(Role::Slider, "Absorption, green").set_value_accesskit(7.0);
     harness.step();
     let scene = &harness.state().scenes()[0];

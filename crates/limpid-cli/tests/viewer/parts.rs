@@ -43,6 +43,29 @@ fn playback_waits_and_skips_nothing() {
     assert!(!playback.playing, "playback does not stop at the end");
 }
 
+/// Playback stays between marks, in both directions, and comes to them from outside; marks at both ends are none.
+#[test]
+fn marks_are_the_ends_of_playback() {
+    let mut playback = Playback::new(10, 25.0);
+    playback.mark(Some([3, 6]));
+    let mut next = |index: usize, backwards: bool| {
+        playback.seek(index);
+        playback.backwards = backwards;
+        playback.following()
+    };
+    assert_eq!([0, 3, 5, 6, 9].map(|i| next(i, false)), [3, 4, 6, 3, 3].map(Some));
+    assert_eq!([0, 3, 5, 6, 9].map(|i| next(i, true)), [6, 6, 4, 5, 6].map(Some));
+    playback.set_count(5);
+    assert_eq!(playback.marked(), Some([3, 4]));
+    playback.mark(Some([0, 4]));
+    assert_eq!(playback.marked(), None);
+    playback.seek(2);
+    playback.mark_last();
+    playback.seek(4);
+    playback.mark_first();
+    assert_eq!(playback.marked(), None, "it begins after it has ended");
+}
+
 /// Slow motion has more frame times for the same frames, fast motion skips some; a change of speed keeps
 /// the time.
 #[test]

@@ -201,6 +201,8 @@ fn window_handles_all_interactions() {
     window.wait_for("opened");
     window.wait("a picture at rest", |e| e["event"] == "picture" && e["level"] == "fine");
     let id = screen.window();
+    let title = screen.tool(&["getwindowname", &id]);
+    assert_eq!(title, "ParticleData_Fluid_{}.bgeo - limpid");
 
     // The picture's area, without the panels, has many colours.
     let (width, _, pixels) = screen.pixels();
@@ -251,10 +253,12 @@ fn window_handles_all_interactions() {
     window.wait_for("camera");
 
     // The slider of the index of refraction.
-    window.skip_events();
-    screen.tool(&["mousemove", "--window", &id, "827", "539", "mousedown", "1"]);
+    screen.tool(&["mousemove", "--window", &id, "745", "56", "click", "1"]);
     std::thread::sleep(Duration::from_millis(300));
-    screen.tool(&["mousemove", "--window", &id, "845", "539"]);
+    window.skip_events();
+    screen.tool(&["mousemove", "--window", &id, "827", "260", "mousedown", "1"]);
+    std::thread::sleep(Duration::from_millis(300));
+    screen.tool(&["mousemove", "--window", &id, "845", "260"]);
     window.wait_for("setting");
     screen.tool(&["mouseup", "1"]);
 

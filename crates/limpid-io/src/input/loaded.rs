@@ -7,6 +7,7 @@ use limpid::liquid::Up;
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::scene::Scene;
+use serde::{Deserialize, Serialize};
 
 #[cfg(doc)]
 use super::{Input, Loader};
@@ -16,7 +17,7 @@ use crate::particles::{Array, Remark};
 use crate::project::Moved;
 
 /// The origin of a particle radius, the most reliable first.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum RadiusFrom {
     /// Their file has radii.
     #[default]

@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::{BVec3, Vec3};
 use limpid::liquid::Up;
 use limpid::memory;
+use serde::{Deserialize, Serialize};
 
 #[cfg(doc)]
 use super::ReadOptions;
@@ -24,7 +25,7 @@ pub(super) const DUALSPHYSICS: (Up, &str) = (Up::Z, "DualSPHysics");
 pub(super) const MOST_LISTED: usize = 1024;
 
 /// An array of a particle file, other than the positions.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Array {
     /// Its name in the file; if several columns form the attribute, all their names.
     pub name: String,

@@ -1,6 +1,9 @@
 //! Actions of keys, buttons and menus.
 
+use std::path::PathBuf;
+
 use eframe::egui;
+use glam::DVec3;
 use serde_json::json;
 
 use crate::app::Viewer;
@@ -11,11 +14,31 @@ use crate::model::views::View;
 use crate::panels::dialogs::{Dialog, Purpose};
 
 impl Viewer {
-    /// Opens a file that was dropped on the window.
+    /// Opens the files that were dropped on the window: one, or a sequence.
     pub(crate) fn take_files(&mut self, ctx: &egui::Context) {
         let dropped = ctx.input(|input| input.raw.dropped_files.clone());
-        if let Some(file) = dropped.first() {
-            self.open(Source::new(file.path().to_string_lossy()));
+        let paths: Vec<PathBuf> = dropped.iter().map(|file| file.path().to_owned()).collect();
+        let Some((source, left_out)) = Source::of_files(&paths) else { return };
+        if left_out > 0 {
+            self.show_info(format!("{} is opened, {left_out} other files are not", source.input));
+        }
+        self.open(source);
+    }
+
+    /// Sets the title of the window, if it is another one.
+    pub(crate) fn name_window(&mut self, ctx: &egui::Context) {
+        let title = self.title();
+        if self.interface.title != title {
+            self.interface.title.clone_from(&title);
+            ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
+        }
+    }
+
+    /// The title of the window: the name of the document that is open.
+    pub fn title(&self) -> String {
+        match &self.opened.document {
+            Some(document) => format!("{} - limpid", document.name()),
+            None => "limpid".to_owned(),
         }
     }
 
@@ -61,7 +84,7 @@ impl Viewer {
                     egui::Theme::Light
                 });
             }
-            Action::Panels => self.interface.panels = !self.interface.panels,
+            Action::Panels => self.interface.toggle_panels(),
             _ if self.opened.document.is_none() => {}
             Action::Play => self.toggle_play(),
             Action::Reverse => self.stage.playback.backwards = !self.stage.playback.backwards,
@@ -74,6 +97,13 @@ impl Viewer {
             Action::Slower => self.set_speed(self.stage.playback.speed().next(false)),
             Action::Fit => self.fit(),
             Action::Home => self.home(),
+            Action::Front => self.picture.look_from(DVec3::Z, &mut self.stage),
+            Action::Side => self.picture.look_from(DVec3::X, &mut self.stage),
+            Action::Top => self.picture.look_from(DVec3::Y, &mut self.stage),
+            Action::In => self.stage.playback.mark_first(),
+            Action::Out => self.stage.playback.mark_last(),
+            Action::Undo => self.step_history(false),
+            Action::Redo => self.step_history(true),
             Action::AddKey => self.add_key(),
             Action::NextView => {
                 let all: Vec<View> = View::all().collect();
@@ -119,12 +149,18 @@ impl Viewer {
         let Some(document) = &self.opened.document else { return };
         // With missing frames, the same time may have different indices at the two speeds.
         let seconds = self.stage.frame_time().map_or(0.0, |at| document.seconds(at));
+        let span = self.stage.playback.marked().map(|ends| {
+            ends.map(|i| self.stage.frame_times.get(i).map_or(0.0, |&at| document.seconds(at)))
+        });
         self.stage.frame_times = document.frame_times(speed).into();
+        let span =
+            span.map(|ends| ends.map(|seconds| document.nearest(&self.stage.frame_times, seconds)));
         let index = document.nearest(&self.stage.frame_times, seconds);
         for side in &mut self.picture.sides {
             side.at = None;
         }
         self.stage.playback.set_speed(speed, self.stage.frame_times.len(), index);
+        self.stage.playback.mark(span);
         self.opened.failed.clear();
     }
 

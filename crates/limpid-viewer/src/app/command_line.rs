@@ -36,6 +36,9 @@ pub fn command_line(
     if !source.options.map.is_empty() {
         option("map", source.options.map.to_string());
     }
+    if !source.options.select.is_automatic() {
+        option("select", source.options.select.to_string());
+    }
     for (name, value) in source.adjustments.arguments() {
         option(name, value);
     }
@@ -48,7 +51,7 @@ pub fn command_line(
         // Interpolate between these two frames, whatever others exist.
         option("frames", format!("{},{}", at.frame, at.next));
         option("at", at.time().to_string());
-    } else {
+    } else if document.input.sequence.frames.len() > 1 {
         option("frames", at.frame.to_string());
     }
     option("size", format!("{}x{}", size.x, size.y));

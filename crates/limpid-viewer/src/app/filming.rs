@@ -54,7 +54,8 @@ impl Viewer {
             true => Motion::Path(self.stage.eye.path.clone()),
             false => Motion::Still,
         };
-        let numbers: Vec<i64> = (0..self.stage.frame_times.len() as i64).collect();
+        let [first, last] = self.stage.playback.span().map(|i| i as i64);
+        let numbers: Vec<i64> = (first..=last).collect();
         let fps = self.stage.playback.fps;
         let stride = self.stage.playback.speed().stride();
         let shots = film::shots(&numbers, self.stage.eye.camera, &motion, fps)?;

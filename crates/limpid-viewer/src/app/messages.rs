@@ -40,6 +40,7 @@ impl Viewer {
                     }
                 }
                 Message::FilmEnded(written) => self.film_ended(written),
+                Message::Picked(number, picked) => self.take_picked(number, picked),
                 Message::Said(text) => self.show_info(text),
                 Message::Path(path, loaded) => match loaded {
                     Ok(keys) => {

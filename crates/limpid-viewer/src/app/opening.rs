@@ -11,16 +11,19 @@ use crate::app::state::{Attributes, Opening};
 use crate::backend::here::{drop_in_background, spawn};
 use crate::model::coloring::Coloring;
 use crate::model::document::{Document, Source};
+use crate::model::history::History;
 use crate::model::platform::IN_BROWSER;
 use crate::model::playback::{Playback, Speed};
 use crate::model::views::View;
-use crate::panels::times::History;
+use crate::panels::times::Times;
 use limpid::look::Framing;
 use limpid::scene::Scene;
+use limpid_io::adjustments::{Floor, Sun};
 use limpid_io::bake::Progress;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::error::Result;
 use limpid_io::input::Loaded;
+use limpid_io::particles::Selection;
 use limpid_io::project::controls;
 
 impl Viewer {
@@ -171,6 +174,24 @@ impl Viewer {
             self.grow(number);
         }
     }
+
+    /// Opens the current source again, with these of its particles. Ground, sun and liquid stay as they are, although they
+    /// were chosen by the whole body.
+    pub(super) fn select(&mut self, select: Selection) {
+        let Some(document) = &self.opened.document else { return };
+        let mut source = document.source.clone();
+        source.options.select = select;
+        let scene = &document.project.scene;
+        let (floor, sun) = (Floor::of(scene), Sun::of(scene));
+        if document.is_bare() && floor != Floor::None {
+            source.adjustments.floor.get_or_insert(floor);
+        }
+        if document.is_bare() && sun != Sun::None {
+            source.adjustments.sun.get_or_insert(sun);
+        }
+        self.reopen(source);
+    }
+
     pub(crate) fn opened(&mut self, document: Document) {
         // Simulations start playing.
         let plays = document.project.source.simulation().is_some();
@@ -206,12 +227,14 @@ impl Viewer {
         for side in std::mem::take(&mut self.picture.sides) {
             drop_in_background(side.loaded);
         }
+        self.stage.up = document.reading.up;
         self.stage.eye.camera = document.project.camera_for(Default::default());
         self.stage.eye.path = CameraPath::default();
         self.stage.eye.follow = false;
         self.picture.withdraw();
         self.picture.flipping.clear();
-        self.times = History::default();
+        self.times = Times::default();
+        self.history = History::default();
         self.errors.clear();
         self.stage.playback.playing = plays;
         self.opened.document = Some(document);
@@ -227,16 +250,21 @@ impl Viewer {
         let same = old.has_frames_of(&document);
         let kind =
             |source: &Source| (source.adjustments.color_by.clone(), source.adjustments.medium);
+        let is_clipped = old.source.options.select != document.source.options.select;
         let is_other_liquid = kind(&old.source) != kind(&document.source);
         for edited in &mut self.stage.editing.scenes {
             let (before, after) = (&old.project.scene, &document.project.scene);
+            let liquid = edited.liquid;
             *edited = carried(edited, before, after, is_other_liquid);
+            if is_clipped {
+                edited.liquid = liquid;
+            }
         }
         self.recolor_reopened(&old, &document);
         if moved {
             self.opened.attributes = Attributes::default();
         }
-        if was_home || moved {
+        if (was_home && !is_clipped) || moved {
             self.stage.eye.camera = document.project.camera_for(Default::default());
         }
         if !same {
@@ -250,8 +278,12 @@ impl Viewer {
         }
         self.picture.withdraw();
         self.stage.playback.fps = document.fps();
+        self.stage.up = document.reading.up;
         self.stage.frame_times = document.frame_times(self.stage.playback.speed()).into();
         self.stage.playback.set_count(self.stage.frame_times.len());
+        if let Some(edits) = self.opened.wishes.edits.take() {
+            (self.stage.editing.scenes, self.stage.colors) = *edits;
+        }
         self.errors.forget();
         self.log.event("reopened", serde_json::json!({ "input": document.source.input }));
         self.opened.document = Some(Arc::new(document));

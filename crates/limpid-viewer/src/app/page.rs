@@ -178,9 +178,10 @@ impl Page {
             Ok(link) => viewer.opened.wishes = link.wishes,
             Err(error) => viewer.fail(&error),
         }
-        // A narrow screen is all picture.
-        let width = web_sys::window().and_then(|window| window.inner_width().ok()?.as_f64());
-        viewer.interface.panels = !options.plain && width.is_none_or(|width| width > 720.0);
+        if options.plain {
+            viewer.interface.panels = [false; 2];
+            viewer.picture.has_triad = false;
+        }
         viewer.interface.plain = options.plain;
         Self { viewer: Rc::new(RefCell::new(viewer)), worker, drops: Rc::default() }
     }

@@ -29,9 +29,22 @@ impl Recent {
         Self { file, inputs }
     }
 
-    /// The sources, the last one first.
-    pub(crate) fn inputs(&self) -> &[String] {
-        &self.inputs
+    /// The sources with their names, the last one first: of equal names, with as much of their folders as tells them apart.
+    pub(crate) fn named(&self) -> Vec<(String, &str)> {
+        let parts = |input: &str, count: usize| -> String {
+            let all: Vec<&str> = input.split(['/', '\\']).filter(|part| !part.is_empty()).collect();
+            all[all.len().saturating_sub(count)..].join("/")
+        };
+        let name = |input: &String| {
+            let others = || self.inputs.iter().filter(|other| *other != input);
+            let is_alone =
+                |name: &String, count| others().all(|other| parts(other, count) != *name);
+            let names = (1..=input.len()).map(|count| (parts(input, count), count));
+            let found = names.take_while(|(name, _)| name.len() < input.len());
+            let mut found = found.filter(|(name, count)| is_alone(name, *count));
+            found.next().map_or_else(|| input.clone(), |(name, _)| name)
+        };
+        self.inputs.iter().map(|input| (name(input), input.as_str())).collect()
     }
 
     /// Puts a source first, and returns a function that writes the list.
@@ -56,4 +69,19 @@ fn write(file: &Path, inputs: &[String]) -> Result<()> {
     }
     let text = serde_json::to_string_pretty(inputs).unwrap_or_default();
     output::write_atomically(file, FileKind::CACHE, |out| out.write_all(text.as_bytes()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Equal names are told apart by their folders, and no other is longer than it need be.
+    #[test]
+    fn equal_names_tell_their_folders() {
+        let inputs =
+            ["/a/run1/out/w_{}.bgeo", "/a/run2/out/w_{}.bgeo", "/b/vase.toml", "w", "https://x/y/"];
+        let recent = Recent { file: None, inputs: inputs.map(str::to_owned).to_vec() };
+        let names: Vec<String> = recent.named().into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["run1/out/w_{}.bgeo", "run2/out/w_{}.bgeo", "vase.toml", "w", "y"]);
+    }
 }

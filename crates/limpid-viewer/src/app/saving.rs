@@ -109,6 +109,10 @@ impl Viewer {
     pub(super) fn chosen(&mut self, path: Option<PathBuf>, waited: Duration) {
         self.interface.browsing = false;
         match (path, &mut self.interface.dialog) {
+            (Some(path), Some(dialog)) if dialog.purpose == Purpose::Open => {
+                self.interface.dialog = None;
+                self.open_typed(&path.to_string_lossy());
+            }
             (Some(path), Some(dialog)) => dialog.choose(path.to_string_lossy().into_owned()),
             (None, _) if waited < MIN_DIALOG_TIME => self.show_info(
                 "this system shows no file dialogs (no desktop portal): type the path, or drop \

@@ -13,9 +13,10 @@ use crate::backend::core::truth;
 use crate::model::demos::{DEMOS, Demo};
 use crate::model::document::{Source, short_name};
 use crate::model::platform::IN_BROWSER;
-use crate::panels::dialogs::{Dialog, Purpose};
+use crate::panels::dialogs::{Browse, Dialog, Purpose};
 use crate::panels::error_plot::Present;
 use crate::panels::first_screen::{self, FirstScreen};
+use crate::panels::scene::ScenePanel;
 use crate::panels::settings::SettingsPanel;
 use crate::panels::side::{Tab, side_panel};
 use crate::panels::timeline::Timeline;
@@ -30,11 +31,13 @@ impl Viewer {
             open: self.opened.document.is_some(),
             help: self.interface.help,
             dark: self.interface.dark,
-            panels: self.interface.panels,
+            panels: self.interface.shows_panels(),
             view: self.picture.view,
             shown: self.shown().map_or(self.picture.view, |(view, _)| view),
             lights: self.stage.editing.scene().lights.len(),
             compare: &mut self.stage.editing.compare,
+            recent: self.interface.recent.named(),
+            can_step: self.history.can_step(),
         };
         toolbar.show(ui, &mut commands);
         self.obey(ui, commands);
@@ -88,7 +91,8 @@ impl Viewer {
         }
         if self.stage.frame_times.len() > 1 {
             let mebi = |bytes: u64| bytes >> 20;
-            facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
+            let (loaded, budget) = (mebi(ahead.bytes), mebi(ahead.budget));
+            facts.push(format!("frames in memory {loaded} of {budget} MiB"));
         }
         facts.extend(self.picture.flipbook_status(&self.stage));
         if let Some(filming) = &self.filming {
@@ -108,6 +112,22 @@ impl Viewer {
         let mut commands = Vec::new();
         let mut tab = self.interface.tab;
         side_panel(ui, &mut tab, |ui, tab| match tab {
+            Tab::Scene => {
+                let Some(document) = &self.opened.document else { return };
+                let side = &self.picture.sides[self.stage.editing.edited];
+                let panel = ScenePanel {
+                    document,
+                    loaded: side.loaded.as_deref(),
+                    editing: &mut self.stage.editing,
+                    colors: &mut self.stage.colors,
+                    attributes: match &self.opened.attributes {
+                        Attributes::Known(all) => Some(all),
+                        _ => None,
+                    },
+                    size: self.picture.viewport_size,
+                };
+                panel.show(ui, &mut commands);
+            }
             Tab::Settings => {
                 let Some(document) = &self.opened.document else { return };
                 let panel = SettingsPanel {
@@ -115,12 +135,7 @@ impl Viewer {
                     editing: &mut self.stage.editing,
                     refine: &mut self.picture.refine,
                     processor: &mut self.stage.processor,
-                    colors: &mut self.stage.colors,
-                    attributes: match &self.opened.attributes {
-                        Attributes::Known(all) => Some(all),
-                        _ => None,
-                    },
-                    size: self.picture.viewport_size,
+                    color_by: self.stage.colors.by.as_ref(),
                     log: &mut self.log,
                 };
                 panel.show(ui, &mut commands);
@@ -176,7 +191,7 @@ impl Viewer {
                 let screen = FirstScreen {
                     opening: self.opened.pending(),
                     pictures: &mut self.interface.demos,
-                    recent: self.interface.recent.inputs(),
+                    recent: self.interface.recent.named(),
                 };
                 screen.show(ui, rect, &mut commands);
             }
@@ -240,6 +255,13 @@ impl Viewer {
                         self.reopen(Source { adjustments, ..document.source.clone() });
                     }
                 }
+                Command::SetRadius(radius) => {
+                    if let Some(document) = &self.opened.document {
+                        self.reopen(Source { radius, ..document.source.clone() });
+                    }
+                }
+                Command::Select(select) => self.select(select),
+                Command::OpenFolder => self.browse(Dialog::new(Purpose::Open, ""), Browse::Folder),
                 Command::TurnSun(adjustments) => {
                     if let (Some(document), Some(sun)) =
                         (&mut self.opened.document, adjustments.sun)

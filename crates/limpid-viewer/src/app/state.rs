@@ -9,12 +9,14 @@ use std::time::Duration;
 use eframe::egui;
 use limpid::aov::Aov;
 use limpid::camera::Camera;
+use limpid::scene::Scene;
 use limpid_io::bake::Progress;
 use limpid_io::color_by::AttributeRange;
 use web_time::Instant;
 
 use crate::app::recent::Recent;
 use crate::backend::frames::Frames;
+use crate::model::coloring::Coloring;
 use crate::model::document::{Document, Source};
 use crate::model::notices::Notices;
 use crate::panels::dialogs::Dialog;
@@ -132,6 +134,8 @@ pub(crate) struct Wishes {
     pub(crate) view: Option<Aov>,
     pub(crate) unrefined: bool,
     pub(crate) legend: bool,
+    /// The settings and the colours to go back to.
+    pub(crate) edits: Option<Box<([Scene; 2], Coloring)>>,
 }
 
 /// A picture that is being drawn and written.
@@ -157,7 +161,12 @@ pub(crate) struct Interface {
     /// Whether the log of notices is shown.
     pub(crate) messages: bool,
     pub(crate) tab: Tab,
-    pub(crate) panels: bool,
+    /// Whether the panels are shown in a narrow window, and in a wide one.
+    pub(crate) panels: [bool; 2],
+    /// Whether the window is wide enough for panels beside the picture.
+    pub(crate) is_wide: bool,
+    /// The title of the window.
+    pub(crate) title: String,
     pub(crate) help: bool,
     pub(crate) dialog: Option<Dialog>,
     /// Whether the system's dialog for files is open.
@@ -183,8 +192,10 @@ impl Interface {
         Self {
             notices: Notices::default(),
             messages: false,
-            tab: Tab::Settings,
-            panels: true,
+            tab: Tab::default(),
+            panels: [false, true],
+            is_wide: true,
+            title: String::new(),
             help: false,
             dialog: None,
             browsing: false,
@@ -197,5 +208,16 @@ impl Interface {
             adapter: None,
             ticked: Instant::now(),
         }
+    }
+
+    /// Whether the panels are shown.
+    pub(crate) fn shows_panels(&self) -> bool {
+        self.panels[usize::from(self.is_wide)]
+    }
+
+    /// Shows or hides the panels, in windows as wide as this one.
+    pub(crate) fn toggle_panels(&mut self) {
+        let shown = &mut self.panels[usize::from(self.is_wide)];
+        *shown = !*shown;
     }
 }

@@ -60,8 +60,8 @@ impl Viewer {
         self.open(Source::new(path));
     }
 
-    /// Shows the system's file dialog.
-    pub(super) fn browse(&mut self, dialog: Dialog, _how: Browse) {
+    /// Shows the system's dialog for files, or for a folder.
+    pub(super) fn browse(&mut self, dialog: Dialog, how: Browse) {
         self.interface.browsing = true;
         let (purpose, path) = (dialog.purpose, dialog.path.clone());
         self.interface.dialog = Some(dialog);
@@ -76,9 +76,10 @@ impl Viewer {
                 system = system.set_directory(folder);
             }
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            match purpose.saves() {
-                true => system.set_file_name(name).save_file(),
-                false => system.pick_file(),
+            match how {
+                Browse::Folder => system.pick_folder(),
+                _ if purpose.saves() => system.set_file_name(name).save_file(),
+                _ => system.pick_file(),
             }
         });
     }

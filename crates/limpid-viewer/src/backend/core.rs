@@ -6,6 +6,7 @@ pub(crate) mod filming;
 pub(crate) mod loading;
 pub mod messages;
 pub mod opening;
+pub mod picking;
 pub mod queue;
 pub(crate) mod recoloring;
 pub mod truth;

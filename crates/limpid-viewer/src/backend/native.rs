@@ -20,6 +20,7 @@ use crate::backend::core::drawing::{Pane, Request};
 use crate::backend::core::loading::Loader;
 use crate::backend::core::messages::{Message, Post};
 use crate::backend::core::opening;
+use crate::backend::core::picking::{Sight, pick};
 use crate::backend::core::queue::Job;
 use crate::backend::core::truth::Truth;
 use crate::model::document::{Document, Source};
@@ -30,6 +31,7 @@ use limpid::gpu::Gpu;
 use limpid::scene::Scene;
 use limpid_io::bake::{self, Bake};
 use limpid_io::camera_path::CameraPath;
+use limpid_io::color_by::ColorBy;
 use limpid_io::error::Result;
 use limpid_io::input::FrameTime;
 use limpid_io::output::FileKind;
@@ -129,6 +131,20 @@ impl Backend {
         let (post, input) = (self.post.clone(), document.input.clone());
         std::thread::spawn(move || {
             post.send(Message::Attributes(number, Box::new(input.attributes())));
+        });
+    }
+
+    /// Finds the particle in a line of sight.
+    pub(crate) fn pick(
+        &self,
+        number: u64,
+        (document, by): (&Document, Option<ColorBy>),
+        at: FrameTime,
+        sight: Sight,
+    ) {
+        let (post, input) = (self.post.clone(), document.input.clone());
+        std::thread::spawn(move || {
+            post.send(Message::Picked(number, pick(&input, by, at, &sight)));
         });
     }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::platform::IN_BROWSER;
 use crate::model::playback::Speed;
+use crate::model::reading::Reading;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::look::Framing;
@@ -22,6 +23,7 @@ use limpid_io::output::{FileKind, Files};
 use limpid_io::particles::{AttributeMap, ReadOptions, Selection, readable_stem};
 use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
+use limpid_io::sequence::Sequence;
 use limpid_io::shared_classifier::Processor;
 
 /// A source to open, as on the command line.
@@ -67,6 +69,8 @@ pub struct Document {
     pub scale: Option<ColorScale>,
     /// Length of liquid that light typically crosses, m, if it was measured.
     pub thickness: Option<f32>,
+    /// How its files are read.
+    pub reading: Reading,
     /// Frame numbers, ascending; at least one.
     pub numbers: Vec<i64>,
     /// Identifies it between a page and its worker; 0 elsewhere.
@@ -77,6 +81,33 @@ impl Source {
     /// A source without options.
     pub fn new(input: impl Into<String>) -> Self {
         Self { input: input.into(), ..Self::default() }
+    }
+
+    /// The source of files that were dropped together, and the number of those that do not belong to it: the scene, the
+    /// only file, or the sequence with the most files. `None` without files.
+    pub fn of_files(paths: &[PathBuf]) -> Option<(Self, usize)> {
+        let is_scene =
+            |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        let text = |path: &Path| path.to_string_lossy().into_owned();
+        if let Some(alone) =
+            paths.iter().find(is_scene).or(paths.first().filter(|_| paths.len() == 1))
+        {
+            return Some((Self::new(text(alone)), paths.len() - 1));
+        }
+        let mut sequences = std::collections::BTreeMap::<PathBuf, Vec<i64>>::new();
+        for path in paths {
+            if let Ok((pattern, numbers)) = Sequence::pattern_of(std::slice::from_ref(path)) {
+                sequences.entry(pattern).or_default().extend(numbers);
+            }
+        }
+        let longest = sequences.into_iter().max_by_key(|(_, numbers)| numbers.len());
+        let Some((pattern, mut numbers)) = longest else {
+            return Some((Self::new(text(paths.first()?)), paths.len() - 1));
+        };
+        numbers.sort_unstable();
+        let left_out = paths.len() - numbers.len();
+        let frames = Some(FrameSpec::list(numbers));
+        Some((Self { input: text(&pattern), frames, ..Self::default() }, left_out))
     }
 }
 
@@ -112,6 +143,7 @@ impl Document {
             project,
             scale: input.color_scale()?,
             thickness: input.body().map(|body| body.thickness() as f32),
+            reading: Reading::of(&input),
             input,
             numbers,
             id: 0,
@@ -253,7 +285,7 @@ impl Document {
         for particles in project.source.files_mut() {
             particles.frame = (self.numbers.len() > 1).then_some(at.frame);
             particles.radius = self.source.radius.or(particles.radius);
-            particles.up = Some(self.input.up().0);
+            particles.up = Some(self.reading.up);
             particles.scale = adjusted.scale.or(particles.scale);
             particles.fps = adjusted.fps.or(particles.fps);
             if !self.source.options.map.is_empty() {
@@ -299,6 +331,25 @@ pub fn opened_of(paths: &[&str]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Files that are dropped together are a sequence, of those frames alone; a scene among them is opened instead.
+    #[test]
+    fn dropped_files_are_a_sequence() {
+        let of = |paths: &[&str]| {
+            let paths: Vec<PathBuf> = paths.iter().map(PathBuf::from).collect();
+            let (source, left_out) = Source::of_files(&paths)?;
+            Some((source.input, source.frames.map(|frames| frames.to_string()), left_out))
+        };
+        let is = |input: &str, frames: Option<&str>, left_out: usize| {
+            Some((input.to_owned(), frames.map(str::to_owned), left_out))
+        };
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&["a/w_3.bgeo"]), is("a/w_3.bgeo", None, 0));
+        assert_eq!(of(&["a/w_7.bgeo", "a/w_3.bgeo"]), is("a/w_{}.bgeo", Some("3,7"), 0));
+        assert_eq!(of(&["v_1.vtk", "w_2.vtk", "w_1.vtk"]), is("w_{}.vtk", Some("1-2"), 1));
+        assert_eq!(of(&["w_1.vtk", "a.TOML", "w_2.vtk"]), is("a.TOML", None, 2));
+        assert_eq!(of(&["readme", "licence"]), is("readme", None, 1));
+    }
 
     /// Of dropped files the scene is opened, the only file, or the folder of the sequence, whatever lies beside it.
     #[test]

@@ -19,7 +19,7 @@ impl Compare {
 
     pub(crate) fn label(self) -> &'static str {
         match self {
-            Self::Off => "One",
+            Self::Off => "Off",
             Self::Wipe => "Wipe",
             Self::SideBySide => "Side by side",
         }

@@ -21,6 +21,8 @@ pub struct Playback {
     count: usize,
     /// Elapsed share of the current frame time's duration, up to 1.
     phase: f64,
+    /// The first and the last frame time that are played, if not all are.
+    marked: Option<[usize; 2]>,
 }
 
 /// Speed of playback.
@@ -100,6 +102,7 @@ impl Playback {
             index: 0,
             count,
             phase: 0.0,
+            marked: None,
         }
     }
 
@@ -111,6 +114,37 @@ impl Playback {
     /// Number of frame times.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// The first and the last frame time that are played.
+    pub fn span(&self) -> [usize; 2] {
+        self.marked.unwrap_or([0, self.count.saturating_sub(1)])
+    }
+
+    /// As [`Playback::span`], if not all are played.
+    pub fn marked(&self) -> Option<[usize; 2]> {
+        self.marked
+    }
+
+    /// Sets the first and the last frame time that are played, or plays all.
+    pub fn mark(&mut self, marked: Option<[usize; 2]>) {
+        let end = self.count.saturating_sub(1);
+        let clamped = marked.map(|ends| ends.map(|i| i.min(end)));
+        self.marked = clamped.filter(|ends| ends[0] < ends[1] && *ends != [0, end]);
+    }
+
+    /// Begins playback at the current frame time, or if it does, at the first one.
+    pub fn mark_first(&mut self) {
+        let ([first, last], end) = (self.span(), self.count.saturating_sub(1));
+        let begin = if first == self.index { 0 } else { self.index };
+        self.mark(Some([begin, if last > begin { last } else { end }]));
+    }
+
+    /// Ends playback at the current frame time, or if it does, at the last one.
+    pub fn mark_last(&mut self) {
+        let ([first, last], end) = (self.span(), self.count.saturating_sub(1));
+        let stop = if last == self.index { end } else { self.index };
+        self.mark(Some([if first < stop { first } else { 0 }, stop]));
     }
 
     /// Speed of playback.
@@ -150,18 +184,21 @@ impl Playback {
     /// Changes the number of frame times, for a growing sequence.
     pub fn set_count(&mut self, count: usize) {
         self.count = count;
+        self.mark(self.marked);
         self.index = self.index.min(count.saturating_sub(1));
     }
 
     /// The frame time after the current one; `None` at the end unless looped.
     pub fn following(&self) -> Option<usize> {
         let stride = self.speed.stride();
-        let last = self.count.checked_sub(1)?;
+        let [first, last] = self.span();
         match self.backwards {
-            _ if last == 0 => None,
+            _ if last == first => None,
+            false if self.index < first => Some(first),
             false if self.index + stride <= last => Some(self.index + stride),
-            false => self.looped.then_some(0),
-            true if self.index >= stride => Some(self.index - stride),
+            false => self.looped.then_some(first),
+            true if self.index > last => Some(last),
+            true if self.index >= first + stride => Some(self.index - stride),
             true => self.looped.then_some(last),
         }
     }

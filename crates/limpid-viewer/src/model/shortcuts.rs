@@ -29,6 +29,20 @@ pub enum Action {
     Fit,
     /// Go to the scene's own camera.
     Home,
+    /// Look from the front.
+    Front,
+    /// Look from the right side.
+    Side,
+    /// Look from above.
+    Top,
+    /// Begin playback at this frame time, or where it begins otherwise.
+    In,
+    /// End playback at this frame time, or where it ends otherwise.
+    Out,
+    /// Take back the last change.
+    Undo,
+    /// Make it again.
+    Redo,
     /// Add a key frame of the camera.
     AddKey,
     /// Show the next view mode.
@@ -109,7 +123,7 @@ const COPY: &str = if IN_BROWSER {
 };
 
 /// All shortcuts, in display order.
-pub const SHORTCUTS: [Shortcut; 26] = [
+pub const SHORTCUTS: [Shortcut; 33] = [
     plain(Action::Play, Key::Space, "Space", "play or pause"),
     plain(Action::Previous, Key::ArrowLeft, "Left", "previous frame"),
     plain(Action::Next, Key::ArrowRight, "Right", "next frame"),
@@ -117,15 +131,22 @@ pub const SHORTCUTS: [Shortcut; 26] = [
     plain(Action::Last, Key::End, "End", "last frame"),
     plain(Action::Reverse, Key::R, "R", "play the other way"),
     plain(Action::Loop, Key::L, "L", "loop or play once"),
+    plain(Action::In, Key::I, "I", "begin here when playing, or as before"),
+    plain(Action::Out, Key::O, "O", "end here when playing, or as before"),
     plain(Action::Slower, Key::OpenBracket, "[", "slower"),
     plain(Action::Faster, Key::CloseBracket, "]", "faster"),
     plain(Action::Fit, Key::F, "F", "fit the view to the liquid"),
     plain(Action::Home, Key::H, "H", "the scene's own camera"),
+    plain(Action::Front, Key::Num1, "1", "look from the front"),
+    plain(Action::Side, Key::Num2, "2", "look from the side"),
+    plain(Action::Top, Key::Num3, "3", "look from above"),
     plain(Action::AddKey, Key::K, "K", "add a key frame of the camera"),
     plain(Action::NextView, Key::V, "V", "the next view mode"),
     plain(Action::Picture, Key::P, "P", "the picture, or the view mode before"),
     plain(Action::Compare, Key::C, "C", "one picture, wipe, side by side"),
     plain(Action::Swap, Key::X, "X", "edit the other settings, A or B"),
+    with_command(Action::Undo, Key::Z, "Ctrl Z", "take back the last change of settings"),
+    with_command(Action::Redo, Key::Y, "Ctrl Y", "make it again"),
     with_command(Action::Open, Key::O, "Ctrl O", "open a file"),
     with_command(Action::SavePicture, Key::S, "Ctrl S", "save a picture"),
     with_command(Action::SaveFilm, Key::M, "Ctrl M", FILM),
@@ -139,14 +160,15 @@ pub const SHORTCUTS: [Shortcut; 26] = [
 ];
 
 /// Actions of the pointer, for the same list.
-pub const POINTER: [(&str, &str); 7] = [
+pub const POINTER: [(&str, &str); 8] = [
     ("Drag", "orbit"),
     ("Shift drag, or middle button", "pan"),
     ("Wheel", "zoom to the pointer"),
     ("Right button", "look around; with W A S D Q E fly, with Shift faster"),
     ("Two fingers", "pan, and pinch to zoom"),
     ("Double click", "fit the view to the liquid"),
-    ("Drop a file", "open it"),
+    ("Click", "the values of the particle"),
+    ("Drop files", "open them"),
 ];
 
 /// The shortcut of an action.
@@ -163,6 +185,10 @@ pub fn action(key: Key, modifiers: Modifiers) -> Option<Action> {
     };
     // `?` is Shift with a key that differs between keyboards.
     let help = key == Key::Slash && modifiers.shift && plain;
+    let redo = key == Key::Z && modifiers.shift && modifiers.command && !modifiers.alt;
+    if redo {
+        return Some(Action::Redo);
+    }
     let found = if help { Some(of(Action::Help)) } else { SHORTCUTS.iter().find(fits) };
     found.map(|s| s.action)
 }

@@ -6,6 +6,7 @@ use crate::model::coloring::Coloring;
 use crate::model::editing::Editing;
 use crate::model::eye::Eye;
 use crate::model::playback::Playback;
+use limpid::liquid::Up;
 use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
 
@@ -14,6 +15,8 @@ use limpid_io::shared_classifier::Processor;
 pub(crate) struct Stage {
     pub(crate) editing: Editing,
     pub(crate) eye: Eye,
+    /// The axis of the files that points up.
+    pub(crate) up: Up,
     pub(crate) playback: Playback,
     /// The frame times of playback.
     pub(crate) frame_times: Arc<[FrameTime]>,

@@ -4,9 +4,10 @@ use eframe::egui;
 
 use crate::model::eye::{Eye, with_height};
 use crate::model::platform::IN_BROWSER;
-use crate::model::shortcuts::Action;
+use crate::model::shortcuts::{self, Action};
 use crate::panels::Command;
 use crate::panels::icons::{self, Sign};
+use crate::panels::sliders::{edited_number, rounded};
 use limpid::camera::{Camera, Lens};
 
 pub(crate) fn camera_panel(ui: &mut egui::Ui, eye: &mut Eye, commands: &mut Vec<Command>) {
@@ -40,6 +41,15 @@ pub(crate) fn camera_panel(ui: &mut egui::Ui, eye: &mut Eye, commands: &mut Vec<
         }
         if ui.button("The scene's own").clicked() {
             commands.push(Command::Act(Action::Home));
+        }
+    });
+    ui.horizontal(|ui| {
+        let views = [("Front", Action::Front), ("Side", Action::Side), ("Top", Action::Top)];
+        for (name, action) in views {
+            let hint = shortcuts::of(action).tooltip();
+            if ui.button(name).on_hover_text(hint).clicked() {
+                commands.push(Command::Act(action));
+            }
         }
     });
     ui.separator();
@@ -124,18 +134,4 @@ fn keys(ui: &mut egui::Ui, eye: &mut Eye, commands: &mut Vec<Command>) {
     if !ui.input(|input| input.pointer.any_down()) {
         eye.order_keys();
     }
-}
-
-/// Formats a number with `decimals` decimals, without trailing zeros.
-fn rounded(x: f64, decimals: usize) -> String {
-    let text = format!("{x:.decimals$}");
-    let text =
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    text.to_owned()
-}
-
-/// Parses a number, but rejects the text that is `shown`: entering and leaving a field must not drop the
-/// decimals that it does not show.
-fn edited_number(shown: String) -> impl Fn(&str) -> Option<f64> {
-    move |text| text.trim().parse().ok().filter(|_| text.trim() != shown)
 }

@@ -60,11 +60,11 @@ pub(crate) enum Purpose {
 /// A button that chooses the path elsewhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Browse {
-    /// The system's dialog, for the same purpose.
+    /// The system's dialog, for files of the same purpose.
     System,
     /// The browser's, for files.
     Files,
-    /// The browser's, for a folder.
+    /// The same, for a folder.
     Folder,
 }
 
@@ -119,6 +119,9 @@ impl Purpose {
     /// Label of the text field, and the buttons that fill it.
     fn path_buttons(self) -> (&'static str, &'static [(&'static str, Browse)]) {
         match (IN_BROWSER, self) {
+            (false, Self::Open) => {
+                ("Path", &[("File…", Browse::System), ("Folder…", Browse::Folder)])
+            }
             (false, _) => ("Path", &[("Browse…", Browse::System)]),
             (true, Self::Open) => {
                 ("URL", &[("Files…", Browse::Files), ("Folder…", Browse::Folder)])

@@ -1,7 +1,5 @@
 //! The first screen: demos, and the sources that were opened last.
 
-use std::path::Path;
-
 use eframe::egui::{self, Rect, TextureOptions, vec2};
 
 use crate::model::demos::{DEMOS, Demo};
@@ -18,8 +16,8 @@ pub(crate) struct FirstScreen<'a> {
     pub(crate) opening: Option<&'a str>,
     /// The demos' pictures, once they have been shown.
     pub(crate) pictures: &'a mut Vec<egui::TextureHandle>,
-    /// The sources that were opened last, the last one first.
-    pub(crate) recent: &'a [String],
+    /// Names and sources of those that were opened last, the last one first.
+    pub(crate) recent: Vec<(String, &'a str)>,
 }
 
 impl FirstScreen<'_> {
@@ -38,11 +36,14 @@ impl FirstScreen<'_> {
                     if ui.button("Open a file…").clicked() {
                         commands.push(Command::Act(Action::Open));
                     }
+                    if ui.button("Open a folder…").clicked() {
+                        commands.push(Command::OpenFolder);
+                    }
                     ui.add_space(28.0);
                     ui.weak("or look at a demo");
                     ui.add_space(8.0);
                     demos(ui, rect.width(), self.pictures, commands);
-                    recent(ui, self.recent, commands);
+                    recent(ui, &self.recent, commands);
                 });
             });
         });
@@ -85,18 +86,16 @@ fn demos(
     }
 }
 
-fn recent(ui: &mut egui::Ui, inputs: &[String], commands: &mut Vec<Command>) {
+fn recent(ui: &mut egui::Ui, inputs: &[(String, &str)], commands: &mut Vec<Command>) {
     if inputs.is_empty() {
         return;
     }
     ui.add_space(20.0);
     ui.weak("or what was open before");
     ui.add_space(4.0);
-    for input in inputs {
-        let path = Path::new(input);
-        let name = path.file_name().map_or(input.as_str().into(), |name| name.to_string_lossy());
-        if ui.link(name).on_hover_text(input).clicked() {
-            commands.push(Command::Open(Source::new(input)));
+    for (name, input) in inputs {
+        if ui.link(name.as_str()).on_hover_text(*input).clicked() {
+            commands.push(Command::Open(Source::new(*input)));
         }
     }
 }

@@ -20,6 +20,8 @@ pub(crate) enum Sign {
     Moon,
     Cross,
     Help,
+    Undo,
+    Redo,
 }
 
 /// A button with an icon, an accessible `name` and a tooltip `hint`.
@@ -87,6 +89,14 @@ fn draw(painter: &Painter, sign: Sign, at: Pos2, color: Color32) {
         Sign::Loop => {
             arc(5.0, -0.3, 4.6);
             head(at + 5.0 * Vec2::angled(4.6), vec2(1.0, 0.0));
+        }
+        Sign::Undo => {
+            arc(4.5, -2.6, 2.0);
+            head(at + 4.5 * Vec2::angled(-2.6), vec2(-0.5, 0.85));
+        }
+        Sign::Redo => {
+            arc(4.5, -0.54, -5.14);
+            head(at + 4.5 * Vec2::angled(-0.54), vec2(0.5, 0.85));
         }
         Sign::Panels => {
             let frame = Rect::from_center_size(at, vec2(13.0, 10.0));

@@ -9,6 +9,7 @@ use crate::panels::sliders::number_slider;
 use crate::panels::toolbar::named;
 use limpid::look::Look;
 use limpid::scene::{Liquid, MAX_ANISOTROPY, Medium, Scene};
+use limpid::settings::{Kernel, Settings};
 use limpid_io::adjustments::Adjustments;
 use limpid_io::color_by::ColorBy;
 use limpid_io::media::MediumName;
@@ -22,13 +23,16 @@ enum Sort {
     Clear,
     Turbid,
     Opaque,
+    /// Each particle as an opaque ball.
+    Particles,
 }
 
 impl Sort {
-    const ALL: [Self; 3] = [Self::Clear, Self::Turbid, Self::Opaque];
+    const ALL: [Self; 4] = [Self::Clear, Self::Turbid, Self::Opaque, Self::Particles];
 
     fn of(scene: &Scene) -> Self {
         match (scene.is_opaque(), scene.is_turbid()) {
+            (true, _) if is_of_balls(&scene.settings) => Self::Particles,
             (true, _) => Self::Opaque,
             (_, true) => Self::Turbid,
             _ => Self::Clear,
@@ -40,13 +44,20 @@ impl Sort {
             Self::Clear => "clear",
             Self::Turbid => "turbid",
             Self::Opaque => "opaque",
+            Self::Particles => "plain particles",
         }
     }
 
     /// Makes the liquid of a scene one of this sort, if it can as it was opened.
     fn apply(self, scene: &mut Scene, document: &Document) {
         let opened = &document.project.scene;
-        if self == Self::Opaque {
+        if self == Self::Particles {
+            scene.settings = of_balls(&scene.settings);
+        } else if is_of_balls(&scene.settings) {
+            scene.settings.classify.clone_from(&opened.settings.classify);
+            scene.settings.smooth.clone_from(&opened.settings.smooth);
+        }
+        if matches!(self, Self::Opaque | Self::Particles) {
             let own = Some(opened.liquid).filter(|_| opened.is_opaque());
             scene.liquid = own.unwrap_or_else(Look::paint);
         } else if scene.is_opaque() {
@@ -70,6 +81,20 @@ impl Sort {
     }
 }
 
+/// Settings by which each particle is drawn as a ball of its radius.
+fn of_balls(settings: &Settings) -> Settings {
+    let mut balls = settings.clone();
+    let classify = &mut balls.classify;
+    (classify.splash_density, classify.max_ratio, classify.smoothing) = (0.0, 1.0, 0.0);
+    (classify.kernel, classify.iso_surface) = (Kernel::Volume, false);
+    balls.smooth.iterations = 0;
+    balls
+}
+
+fn is_of_balls(settings: &Settings) -> bool {
+    *settings == of_balls(settings)
+}
+
 /// Rows for the kind of the liquid and its properties.
 pub(crate) fn liquid_rows(
     ui: &mut egui::Ui,
@@ -80,25 +105,27 @@ pub(crate) fn liquid_rows(
 ) {
     let sort = Sort::of(scene);
     let hint = "Clear liquid refracts and absorbs light, turbid liquid scatters it inside, and opaque liquid shows its \
-                surface alone.\nliquid.kind, liquid.scattering";
+                surface alone; plain particles are balls.\nliquid.kind, liquid.scattering";
     let mut chosen = sort;
     let options = Sort::ALL.map(|sort| (sort, sort.name().to_owned()));
     choice(ui, "Kind", hint, &mut chosen, sort.name(), options);
     if chosen != sort {
         chosen.apply(scene, document);
     }
-    if chosen != Sort::Opaque && scene.fluids.is_empty() {
+    let is_opaque = matches!(chosen, Sort::Opaque | Sort::Particles);
+    if !is_opaque && scene.fluids.is_empty() {
         medium_row(ui, scene, document, commands);
     }
-    let (hint, range) = match chosen {
-        Sort::Opaque => ("Index of refraction of the coat: varnish 1.5, none 1.\n1 to 3", 1.0),
-        _ => (
-            "Index of refraction: water 1.33, glass 1.5, a bubble of air in water 0.75.\n0.3 to 3",
-            0.3,
-        ),
+    let (hint, range) = match is_opaque {
+        true => ("Of the coat: varnish 1.5, none 1.\n1 to 3\nliquid.ior", 1.0),
+        false => {
+            ("Water 1.33, glass 1.5, a bubble of air in water 0.75.\n0.3 to 3\nliquid.ior", 0.3)
+        }
     };
-    row(ui, "Index", hint, |ui| ui.add(number_slider(&mut scene.liquid.ior, range, 3.0)));
-    if chosen == Sort::Opaque {
+    row(ui, "Refractive index", hint, |ui| {
+        ui.add(number_slider(&mut scene.liquid.ior, range, 3.0))
+    });
+    if is_opaque {
         return opaque_rows(ui, &mut scene.liquid, colors);
     }
     let turbid = chosen == Sort::Turbid;

@@ -1,37 +1,75 @@
-//! The scene's own controls: look, sky, sun, ground, and the axis and the unit of its files.
+//! The tab of the scene: the data, the look around them, and their colours. It holds for settings A and B.
 
 use eframe::egui;
+use glam::UVec2;
 
+use crate::model::coloring::Coloring;
 use crate::model::document::Document;
+use crate::model::editing::{Compare, Editing};
 use crate::panels::Command;
+use crate::panels::colors::ColorRows;
+use crate::panels::data::DataRows;
+use crate::panels::layout::{grid, section};
+use crate::panels::sliders::{edited_number, significant};
 use crate::panels::toolbar::named;
-use limpid::liquid::Up;
 use limpid::look::Look;
 use limpid::scene::Scene;
 use limpid_io::adjustments::{Adjustments, Floor, Sun};
+use limpid_io::color_by::AttributeRange;
+use limpid_io::input::Loaded;
 
-/// Units of length by name, m.
-const UNITS: [(&str, f64); 5] = [
-    ("metres", 1.0),
-    ("centimetres", 0.01),
-    ("millimetres", 0.001),
-    ("kilometres", 1e3),
-    ("feet", 0.3048),
-];
+/// State that the tab shows and changes.
+pub(crate) struct ScenePanel<'a> {
+    pub(crate) document: &'a Document,
+    /// The frame that is shown, once it is loaded.
+    pub(crate) loaded: Option<&'a Loaded>,
+    pub(crate) editing: &'a mut Editing,
+    pub(crate) colors: &'a mut Coloring,
+    /// The attributes of the files; `None` until they are known.
+    pub(crate) attributes: Option<&'a [AttributeRange]>,
+    /// Size of the picture, pixels.
+    pub(crate) size: UVec2,
+}
 
-/// Rows for the options `--look`, `--sky`, `--sun`, `--floor`, `--up` and `--scale`. They hold for A and B.
-pub(crate) fn scene_rows(ui: &mut egui::Ui, document: &Document, commands: &mut Vec<Command>) {
+impl ScenePanel<'_> {
+    pub(crate) fn show(self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
+        let Self { document, loaded, editing, colors, attributes, size } = self;
+        if editing.compare != Compare::Off {
+            ui.weak("Data, look and colors are those of A and of B; the settings differ.");
+        }
+        let scene = &mut editing.scenes[editing.edited];
+        section(ui, "data", "Data", true, |ui| {
+            grid(ui, "data", |ui| DataRows { document, loaded, scene }.show(ui, commands));
+        });
+        let scene = &editing.scenes[editing.edited];
+        section(ui, "colors", "Colors", true, |ui| {
+            grid(ui, "colors", |ui| {
+                ColorRows { document, colors, attributes, scene, size }.show(ui, commands);
+            });
+        });
+        section(ui, "look", "Light and ground", true, |ui| {
+            grid(ui, "look", |ui| look_rows(ui, document, commands));
+        });
+    }
+}
+
+/// Rows for the options `--look`, `--sky`, `--sun` and `--floor`.
+fn look_rows(ui: &mut egui::Ui, document: &Document, commands: &mut Vec<Command>) {
     let before = &document.source.adjustments;
     let mut after = before.clone();
     let hint = "Sky, light, tone curve and, without ones of its own, ground and tint.\n--look";
-    look_row(ui, "Look", hint, &mut after.look);
-    look_row(ui, "Sky", "What is seen and reflected beyond the scene.\n--sky", &mut after.sky);
+    let usual = match (document.is_bare(), before.color_by.is_some()) {
+        (true, false) => Look::default().name(),
+        (true, true) => Look::Paint.name(),
+        (false, _) => "the scene's own",
+    };
+    look_row(ui, "Look", hint, usual, &mut after.look);
+    let usual = if before.look.is_some() || document.is_bare() { "the look's" } else { usual };
+    let hint = "What is seen and reflected beyond the scene.\n--sky";
+    look_row(ui, "Sky", hint, usual, &mut after.sky);
     let scene = &document.project.scene;
     let turned = sun_rows(ui, scene, &mut after);
     floor_rows(ui, scene, &mut after);
-    if document.input.has_files() {
-        file_rows(ui, &mut after);
-    }
     if after == *before {
         return;
     }
@@ -42,13 +80,27 @@ pub(crate) fn scene_rows(ui: &mut egui::Ui, document: &Document, commands: &mut 
     });
 }
 
-fn look_row(ui: &mut egui::Ui, title: &str, hint: &str, chosen: &mut Option<Look>) {
+/// A row for a look; without one, it is the `usual` one.
+fn look_row(
+    ui: &mut egui::Ui,
+    title: &str,
+    hint: &str,
+    usual: &'static str,
+    chosen: &mut Option<Look>,
+) {
     let label = ui.label(title).on_hover_text(hint);
-    let name = |look: Option<Look>| look.map_or("as opened", Look::name);
-    let choice = egui::ComboBox::from_id_salt(title).selected_text(name(*chosen));
+    let shown = chosen.map_or(usual, Look::name);
+    let choice = egui::ComboBox::from_id_salt(title).selected_text(shown);
     let response = choice.show_ui(ui, |ui| {
-        for look in [None].into_iter().chain(Look::ALL.map(Some)) {
-            ui.selectable_value(chosen, look, name(look));
+        let is_look = Look::ALL.iter().any(|look| look.name() == usual);
+        if !is_look {
+            ui.selectable_value(chosen, None, usual);
+        }
+        for look in Look::ALL {
+            let mut option = Some(look).filter(|look| look.name() != usual);
+            if ui.selectable_label(*chosen == option, look.name()).clicked() {
+                *chosen = option.take();
+            }
         }
     });
     named(&response.response, title);
@@ -82,8 +134,8 @@ fn sun_rows(ui: &mut egui::Ui, scene: &Scene, adjustments: &mut Adjustments) -> 
         ui.end_row();
         changed
     };
-    let turned = row("Azimuth", &mut azimuth, -180.0, 180.0, "from +z towards +x")
-        | row("Elevation", &mut elevation, 1.0, 90.0, "above the horizon");
+    let turned = row("Sun direction", &mut azimuth, -180.0, 180.0, "azimuth, from +z towards +x")
+        | row("Sun height", &mut elevation, 1.0, 90.0, "elevation, above the horizon");
     if turned {
         // Whole degrees make short commands.
         let (azimuth, elevation) = (azimuth.round(), elevation.round());
@@ -108,52 +160,16 @@ fn floor_rows(ui: &mut egui::Ui, scene: &Scene, adjustments: &mut Adjustments) {
     if let Floor::At(height) = now
         && on
     {
-        let label = ui.label("Height").on_hover_text(hint);
+        let label = ui.label("Ground height").on_hover_text(hint);
         let mut typed = height;
         let speed = 0.002 * (1.0 + height.abs());
         let drag = egui::DragValue::new(&mut typed).speed(speed).suffix(" m");
+        let drag = drag.custom_formatter(|x, _| significant(x));
+        let drag = drag.custom_parser(edited_number(significant(height)));
         let response = ui.add(drag.update_while_editing(false)).labelled_by(label.id);
         if response.changed() && typed.is_finite() {
             adjustments.floor = Some(Floor::At(typed));
         }
         ui.end_row();
     }
-}
-
-fn file_rows(ui: &mut egui::Ui, adjustments: &mut Adjustments) {
-    let hint = "The axis of the files that points up.\n--up";
-    let label = ui.label("Up").on_hover_text(hint);
-    let name = |up: Option<Up>| match up {
-        None => "as opened",
-        Some(Up::Y) => "y",
-        Some(Up::Z) => "z",
-    };
-    let choice = egui::ComboBox::from_id_salt("up axis").selected_text(name(adjustments.up));
-    let response = choice.show_ui(ui, |ui| {
-        for up in [None, Some(Up::Y), Some(Up::Z)] {
-            ui.selectable_value(&mut adjustments.up, up, name(up));
-        }
-    });
-    named(&response.response, "Up");
-    response.response.labelled_by(label.id).on_hover_text(hint);
-    ui.end_row();
-
-    let hint = "The unit of the files. It decides how strongly water absorbs; looks tint by the liquid's size.\n--scale";
-    let label = ui.label("Unit").on_hover_text(hint);
-    let known = UNITS.iter().find(|(_, scale)| Some(*scale) == adjustments.scale);
-    let shown = match (adjustments.scale, known) {
-        (None, _) => "as opened".to_owned(),
-        (_, Some((name, _))) => (*name).to_owned(),
-        (Some(scale), None) => format!("{scale} m"),
-    };
-    let choice = egui::ComboBox::from_id_salt("unit").selected_text(shown);
-    let response = choice.show_ui(ui, |ui| {
-        ui.selectable_value(&mut adjustments.scale, None, "as opened");
-        for (name, scale) in UNITS {
-            ui.selectable_value(&mut adjustments.scale, Some(scale), name);
-        }
-    });
-    named(&response.response, "Unit");
-    response.response.labelled_by(label.id).on_hover_text(hint);
-    ui.end_row();
 }

@@ -1,23 +1,21 @@
-//! The settings panel: the scene, and the settings of every pass.
+//! The tab of settings A or B: the liquid, and the settings of every pass.
 
 use eframe::egui;
 use eframe::egui::SliderClamping::Edits;
-use glam::UVec2;
 use serde_json::json;
 
-use crate::model::coloring::Coloring;
 use crate::model::document::Document;
 use crate::model::editing::Editing;
 use crate::model::level::FINE_SAMPLES;
 use crate::model::log::Log;
 use crate::panels::Command;
-use crate::panels::colors::ColorRows;
+use crate::panels::layout::{grid, section};
 use crate::panels::liquid::liquid_rows;
-use crate::panels::scene::scene_rows;
 use crate::panels::sliders::number_slider;
 use crate::panels::toolbar::named;
+use limpid::scene::Scene;
 use limpid::settings::{Preset, Settings};
-use limpid_io::color_by::AttributeRange;
+use limpid_io::color_by::ColorBy;
 use limpid_io::project::controls::{self, CONTROLS, Control, ControlKind, PASSES, Value};
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
@@ -30,17 +28,14 @@ pub(crate) struct SettingsPanel<'a> {
     pub(crate) refine: &'a mut bool,
     /// The processor that classifies the particles.
     pub(crate) processor: &'a mut Processor,
-    pub(crate) colors: &'a mut Coloring,
-    /// The attributes of the files; `None` until they are known.
-    pub(crate) attributes: Option<&'a [AttributeRange]>,
-    /// Size of the picture, pixels.
-    pub(crate) size: UVec2,
+    /// The attribute that colours the particles.
+    pub(crate) color_by: Option<&'a ColorBy>,
     pub(crate) log: &'a mut Log,
 }
 
 impl SettingsPanel<'_> {
     pub(crate) fn show(self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
-        let Self { document, editing, refine, processor, colors, attributes, size, log } = self;
+        let Self { document, editing, refine, processor, color_by, log } = self;
         ui.horizontal(|ui| {
             for (i, name) in ["A", "B"].into_iter().enumerate() {
                 let hint = format!("edit settings {name} (X)");
@@ -60,11 +55,12 @@ impl SettingsPanel<'_> {
         });
         let scene = &mut editing.scenes[editing.edited];
         let before = scene.clone();
+        let opened = &document.project.scene;
         ui.horizontal(|ui| {
-            ui.label("Preset");
+            ui.label("Preset").on_hover_text("The settings of a published method.");
             let choice =
-                egui::ComboBox::from_id_salt("preset").selected_text(preset_of(&scene.settings));
-            let response = choice.width(120.0).show_ui(ui, |ui| {
+                egui::ComboBox::from_id_salt("preset").selected_text(preset_of(scene, opened));
+            let response = choice.width(140.0).show_ui(ui, |ui| {
                 for preset in Preset::ALL {
                     if ui.selectable_label(false, preset.to_string()).clicked() {
                         take_preset(&mut scene.settings, preset);
@@ -76,26 +72,17 @@ impl SettingsPanel<'_> {
         let hint = format!("draw at least {FINE_SAMPLES} rays per pixel once nothing changes");
         ui.checkbox(refine, "Refine pictures at rest").on_hover_text(hint);
         ui.add_space(4.0);
-        section(ui, "scene", "Scene", |ui| {
-            grid(ui, "scene", |ui| scene_rows(ui, document, commands));
-        });
-        let scene = &mut editing.scenes[editing.edited];
-        section(ui, "liquid", "Liquid", |ui| {
-            let by = colors.by.as_ref();
-            grid(ui, "liquid", |ui| liquid_rows(ui, scene, document, by, commands));
+        section(ui, "liquid", "Liquid", true, |ui| {
+            grid(ui, "liquid", |ui| liquid_rows(ui, scene, document, color_by, commands));
             reset(ui, "liquid", || {
                 scene.liquid = document.project.scene.liquid;
                 scene.fluids.clone_from(&document.project.scene.fluids);
             });
         });
-        section(ui, "colors", "Colors", |ui| {
-            grid(ui, "colors", |ui| {
-                ColorRows { document, colors, attributes, scene, size }.show(ui, commands);
-            });
-        });
         let table = controls::table(&scene.settings);
         for (pass, title) in PASSES {
-            section(ui, pass, title, |ui| {
+            let open = ["refract", "smooth"].contains(&pass);
+            section(ui, pass, title, open, |ui| {
                 grid(ui, pass, |ui| {
                     for control in CONTROLS.iter().filter(|control| control.pass == pass) {
                         row(ui, control, &control.of(&table), &mut scene.settings);
@@ -133,32 +120,21 @@ pub(crate) fn take_preset(settings: &mut Settings, preset: Preset) {
     }
 }
 
-/// Name of the preset that matches the settings of the method; those of the picture do not count.
-fn preset_of(settings: &Settings) -> String {
+/// Name of the preset that the settings are, but for those of the picture and of the look; or whether they are as they
+/// were opened.
+fn preset_of(scene: &Scene, opened: &Scene) -> String {
+    let settings = &scene.settings;
     let fits = |preset: &Preset| {
-        let all = preset.settings();
+        let mut all = preset.settings();
+        all.refract.filter_patterns = settings.refract.filter_patterns;
         (&all.classify, &all.layers, &all.smooth, &all.refract)
             == (&settings.classify, &settings.layers, &settings.smooth, &settings.refract)
     };
-    Preset::ALL.iter().find(|p| fits(p)).map_or("custom".into(), Preset::to_string)
-}
-
-/// A grid with names on the left and values over the rest of the panel.
-fn grid(ui: &mut egui::Ui, id: &str, rows: impl FnOnce(&mut egui::Ui)) {
-    const NAMES: f32 = 124.0;
-    const NUMBERS: f32 = 92.0;
-    ui.spacing_mut().slider_width = (ui.available_width() - NAMES - NUMBERS - 28.0).max(40.0);
-    let grid = egui::Grid::new(id).num_columns(2).min_col_width(NAMES);
-    grid.spacing([8.0, 5.0]).show(ui, rows);
-}
-
-fn section(ui: &mut egui::Ui, id: &str, title: &str, content: impl FnOnce(&mut egui::Ui)) {
-    let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong());
-    let open = ["scene", "liquid", "colors", "refract", "smooth"].contains(&id);
-    header.id_salt(id).default_open(open).show_unindented(ui, |ui| {
-        content(ui);
-        ui.add_space(4.0);
-    });
+    match Preset::ALL.iter().find(|preset| fits(preset)) {
+        Some(preset) => preset.to_string(),
+        None if *settings == opened.settings => "the scene's own".into(),
+        None => "changed".into(),
+    }
 }
 
 fn reset(ui: &mut egui::Ui, what: &str, act: impl FnOnce()) {

@@ -5,8 +5,10 @@ use eframe::egui;
 /// A tab of the side panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum Tab {
-    /// The scene and the settings of every pass.
+    /// The data, the look around them and their colours.
     #[default]
+    Scene,
+    /// The liquid and the settings of every pass.
     Settings,
     Camera,
     Times,
@@ -22,9 +24,12 @@ pub(crate) fn side_panel(
     let panel = egui::Panel::right("side").frame(bar).default_size(350.0);
     panel.size_range(300.0..=520.0).show(ui, |ui| {
         ui.horizontal(|ui| {
-            for (choice, name) in
-                [(Tab::Settings, "Settings"), (Tab::Camera, "Camera"), (Tab::Times, "Times")]
-            {
+            for (choice, name) in [
+                (Tab::Scene, "Scene"),
+                (Tab::Settings, "Settings"),
+                (Tab::Camera, "Camera"),
+                (Tab::Times, "Times"),
+            ] {
                 ui.selectable_value(tab, choice, name);
             }
         });

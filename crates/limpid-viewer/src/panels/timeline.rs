@@ -9,6 +9,7 @@ use crate::model::playback::{Playback, Speed};
 use crate::model::shortcuts::{self, Action};
 use crate::panels::Command;
 use crate::panels::icons::{self, Sign};
+use crate::panels::sliders::{edited_number, rounded};
 use crate::panels::style::accent;
 use crate::panels::toolbar::named;
 use limpid_io::camera_path::Key;
@@ -85,6 +86,7 @@ impl Timeline<'_> {
                     commands.push(Command::Act(action));
                 }
             }
+            self.marks(ui, commands);
             ui.add_space(4.0);
             let mut speed = self.playback.speed();
             let choice =
@@ -103,13 +105,45 @@ impl Timeline<'_> {
             let index = self.track(ui, width, document, commands);
             if let Some(at) = self.shown.or(self.frame_times.get(index).copied()) {
                 ui.add_space(6.0);
+                self.frame_field(ui, at, commands);
                 let last = document.numbers.last().copied().unwrap_or_default();
-                let time = at.time();
-                let frame = if at.fraction > 0.0 { format!("{time:.3}") } else { time.to_string() };
                 let seconds = document.seconds(at);
-                ui.monospace(format!("{frame:>6} / {last}  {seconds:6.2} s"));
+                ui.monospace(format!("/ {last}  {seconds:6.2} s"));
             }
         });
+    }
+
+    /// Buttons for the first and the last frame time that are played.
+    fn marks(&self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
+        let marked = self.playback.marked();
+        let end = self.frame_times.len() - 1;
+        let on = marked.map_or([false; 2], |[first, last]| [first > 0, last < end]);
+        for (name, action, on) in [("In", Action::In, on[0]), ("Out", Action::Out, on[1])] {
+            let hint = shortcuts::of(action).tooltip();
+            if ui.selectable_label(on, name).on_hover_text(hint).clicked() {
+                commands.push(Command::Act(action));
+            }
+        }
+    }
+
+    /// The number of the frame, which can be typed: the nearest one is shown.
+    fn frame_field(&self, ui: &mut egui::Ui, at: FrameTime, commands: &mut Vec<Command>) {
+        let shown = rounded(at.time(), 3);
+        let mut typed = at.time();
+        let drag = egui::DragValue::new(&mut typed).speed(0.1).update_while_editing(false);
+        let drag = drag.custom_formatter(|x, _| rounded(x, 3)).custom_parser(edited_number(shown));
+        let response = ui.add(drag).on_hover_text("the number of the frame");
+        response.widget_info(|| egui::WidgetInfo {
+            label: Some("Frame".to_owned()),
+            ..egui::WidgetInfo::drag_value(true, at.time())
+        });
+        if response.changed() && typed.is_finite() {
+            let distance = |at: &FrameTime| (at.time() - typed).abs();
+            let nearest = (0..self.frame_times.len()).min_by(|&a, &b| {
+                distance(&self.frame_times[a]).total_cmp(&distance(&self.frame_times[b]))
+            });
+            commands.extend(nearest.map(Command::Seek));
+        }
     }
 
     /// The scrub bar: loaded, loading, failed and, brightest, drawn frames, the camera's keys and the playhead. Returns
@@ -153,6 +187,23 @@ impl Timeline<'_> {
         let known: Vec<usize> = self.failed.iter().copied().collect();
         paint(&known, visuals.error_fg_color);
         paint(self.kept, accent(ui));
+        if let Some(ends) = self.playback.marked() {
+            let [from, to] = ends.map(|i| x(i as f32));
+            let before = rect.with_max_x(from);
+            let after = rect.with_min_x(to);
+            for outside in [before, after] {
+                painter.rect_filled(outside, 2, visuals.panel_fill.gamma_multiply(0.75));
+            }
+            for (at, way) in [(from, 1.0), (to, -1.0)] {
+                let bracket = [
+                    pos2(at + 4.0 * way, outer.top() + 3.0),
+                    pos2(at, outer.top() + 3.0),
+                    pos2(at, outer.bottom() - 3.0),
+                    pos2(at + 4.0 * way, outer.bottom() - 3.0),
+                ];
+                painter.line(bracket.to_vec(), Stroke::new(2.0, visuals.warn_fg_color));
+            }
+        }
         painter.rect_stroke(rect, 3, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Outside);
         let length = self.frame_times.last().map_or(0.0, |&at| document.seconds(at));
         for key in self.keys {

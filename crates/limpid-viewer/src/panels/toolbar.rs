@@ -3,15 +3,13 @@
 use eframe::egui;
 
 use crate::model::demos::DEMOS;
+use crate::model::document::Source;
 use crate::model::editing::Compare;
 use crate::model::platform::IN_BROWSER;
 use crate::model::shortcuts::{self, Action};
 use crate::model::views::View;
 use crate::panels::Command;
 use crate::panels::icons::{self, Sign};
-
-/// Width from which the toolbar fits one line, points.
-const WIDE: f32 = 860.0;
 
 /// The button that copies a command that draws this picture, or in a browser a link to it.
 const COPY: &str = if IN_BROWSER { "Copy link" } else { "Copy command" };
@@ -32,57 +30,101 @@ pub(crate) struct Toolbar<'a> {
     /// Number of lights of the scene that is edited.
     pub(crate) lights: usize,
     pub(crate) compare: &'a mut Compare,
+    /// Names and sources of those that were opened last, the last one first.
+    pub(crate) recent: Vec<(String, &'a str)>,
+    /// Whether a change can be taken back, and whether one can be made again.
+    pub(crate) can_step: [bool; 2],
 }
 
 impl Toolbar<'_> {
     pub(crate) fn show(self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
-        let Self { open, help, dark, panels, view, shown, lights, compare } = self;
+        let Self { open, help, dark, panels, view, shown, lights, compare, recent, can_step } = self;
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
-            // On a narrow screen the buttons can be scrolled.
-            let wide = ui.available_width() > WIDE;
-            let mut buttons = |ui: &mut egui::Ui| {
-                button(ui, "Open…", Action::Open, commands);
-                // A page opens with a demo, not with the first screen.
-                if IN_BROWSER {
-                    demos(ui, commands);
-                }
-                ui.add_enabled_ui(open, |ui| {
-                    button(ui, "Save picture…", Action::SavePicture, commands);
-                    if !IN_BROWSER {
-                        button(ui, "Save film…", Action::SaveFilm, commands);
-                    }
-                    button(ui, "Save scene…", Action::SaveScene, commands);
-                    button(ui, COPY, Action::Copy, commands);
-                    ui.separator();
-                    view_choice(ui, (view, shown), lights, commands);
-                    ui.separator();
-                    compare_choice(ui, compare);
-                });
-                let layout = egui::Layout::right_to_left(egui::Align::Center);
-                let mut signs = |ui: &mut egui::Ui| {
-                    let mut button = |ui: &mut egui::Ui, sign, name, action, on| {
-                        let hint = shortcuts::of(action).tooltip();
-                        if icons::button(ui, sign, name, &hint, on).clicked() {
-                            commands.push(Command::Act(action));
-                        }
-                    };
-                    button(ui, Sign::Help, "Keys", Action::Help, help);
-                    let theme = if dark { Sign::Sun } else { Sign::Moon };
-                    button(ui, theme, "Theme", Action::Theme, false);
-                    if open {
-                        button(ui, Sign::Panels, "Panels", Action::Panels, panels);
+            let layout = egui::Layout::right_to_left(egui::Align::Center);
+            let height = ui.spacing().interact_size.y + 2.0;
+            ui.allocate_ui_with_layout(egui::vec2(ui.available_width(), height), layout, |ui| {
+                let mut sign = |ui: &mut egui::Ui, sign, name, action, on| {
+                    let hint = shortcuts::of(action).tooltip();
+                    if icons::button(ui, sign, name, &hint, on).clicked() {
+                        commands.push(Command::Act(action));
                     }
                 };
-                if wide { ui.with_layout(layout, signs).inner } else { signs(ui) }
-            };
-            if wide {
-                ui.horizontal(buttons);
-            } else {
-                egui::ScrollArea::horizontal().show(ui, |ui| ui.horizontal(&mut buttons));
-            }
+                sign(ui, Sign::Help, "Keys", Action::Help, help);
+                let theme = if dark { Sign::Sun } else { Sign::Moon };
+                sign(ui, theme, "Theme", Action::Theme, false);
+                if open {
+                    sign(ui, Sign::Panels, "Panels", Action::Panels, panels);
+                    ui.add_enabled_ui(can_step[1], |ui| {
+                        sign(ui, Sign::Redo, "Redo", Action::Redo, false);
+                    });
+                    ui.add_enabled_ui(can_step[0], |ui| {
+                        sign(ui, Sign::Undo, "Undo", Action::Undo, false);
+                    });
+                }
+                // On a narrow screen the other buttons can be scrolled.
+                ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                    egui::ScrollArea::horizontal().auto_shrink(false).show(ui, |ui| {
+                        ui.horizontal(|ui| {
+                            open_menu(ui, &recent, commands);
+                            ui.add_enabled_ui(open, |ui| {
+                                save_buttons(ui, commands);
+                                ui.separator();
+                                view_choice(ui, (view, shown), lights, commands);
+                                ui.separator();
+                                compare_choice(ui, compare);
+                            });
+                        });
+                    });
+                });
+            });
         });
     }
+}
+
+fn save_buttons(ui: &mut egui::Ui, commands: &mut Vec<Command>) {
+    button(ui, "Save picture…", Action::SavePicture, commands);
+    if !IN_BROWSER {
+        button(ui, "Save film…", Action::SaveFilm, commands);
+    }
+    button(ui, "Save scene…", Action::SaveScene, commands);
+    button(ui, COPY, Action::Copy, commands);
+}
+
+/// All that can be opened: files, folders, what was open before, and the demos.
+fn open_menu(ui: &mut egui::Ui, recent: &[(String, &str)], commands: &mut Vec<Command>) {
+    // Room for the arrow, which the font lacks.
+    let menu = ui.menu_button("Open    ", |ui| {
+        let key = shortcuts::of(Action::Open).shown;
+        if ui.add(egui::Button::new("File…").shortcut_text(key)).clicked() {
+            commands.push(Command::Act(Action::Open));
+        }
+        if ui.button("Folder…").clicked() {
+            commands.push(Command::OpenFolder);
+        }
+        if !recent.is_empty() {
+            ui.separator();
+            ui.weak("Open before");
+        }
+        for (name, input) in recent {
+            if ui.button(name.as_str()).on_hover_text(*input).clicked() {
+                commands.push(Command::Open(Source::new(*input)));
+            }
+        }
+        ui.separator();
+        ui.weak("Demos");
+        for demo in &DEMOS {
+            if ui.button(demo.title).on_hover_text(demo.about).clicked() {
+                commands.push(Command::OpenDemo(demo));
+            }
+        }
+    });
+    let tip = menu.response.rect.right_center() - egui::vec2(12.0, -3.0);
+    let arrow = [egui::vec2(-4.0, -5.0), egui::vec2(4.0, -5.0), egui::Vec2::ZERO];
+    let points = arrow.map(|corner| tip + corner).to_vec();
+    let color = ui.style().interact(&menu.response).fg_stroke.color;
+    ui.painter().add(egui::Shape::convex_polygon(points, color, egui::Stroke::NONE));
+    menu.response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Open"));
 }
 
 fn button(ui: &mut egui::Ui, text: &str, action: Action, commands: &mut Vec<Command>) {
@@ -90,21 +132,6 @@ fn button(ui: &mut egui::Ui, text: &str, action: Action, commands: &mut Vec<Comm
     if ui.button(text).on_hover_text(hint).clicked() {
         commands.push(Command::Act(action));
     }
-}
-
-fn demos(ui: &mut egui::Ui, commands: &mut Vec<Command>) {
-    let (live, others) = (&DEMOS[0], &DEMOS[1..]);
-    let hint = format!("{}, {}", live.title, live.about);
-    if ui.button("Simulate").on_hover_text(hint).clicked() {
-        commands.push(Command::OpenDemo(live));
-    }
-    ui.menu_button("Demos", |ui| {
-        for demo in others {
-            if ui.button(demo.title).on_hover_text(demo.about).clicked() {
-                commands.push(Command::OpenDemo(demo));
-            }
-        }
-    });
 }
 
 /// The choice of a view, under the name of the one on screen.
@@ -151,10 +178,11 @@ fn view_choice(
 }
 
 fn compare_choice(ui: &mut egui::Ui, compare: &mut Compare) {
+    ui.label("Compare");
     ui.spacing_mut().item_spacing.x = 2.0;
     for choice in Compare::ALL {
         let hint = match choice {
-            Compare::Off => "the settings that are edited",
+            Compare::Off => "one picture, of the settings that are edited",
             Compare::Wipe => "A on the left of a line that can be moved, B on its right",
             Compare::SideBySide => "A and B beside each other",
         };

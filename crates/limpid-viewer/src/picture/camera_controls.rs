@@ -1,7 +1,7 @@
 //! Camera controls for pointer and keys: all moves are in proportion to the view, so that a drop of a
 //! millimetre and a bay of ten kilometres feel the same.
 
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3, Vec3};
 
 use crate::model::eye::with_height;
 use limpid::camera::{Camera, Lens};
@@ -94,6 +94,18 @@ pub fn fit(camera: &Camera, (min, max): (DVec3, DVec3), aspect: f64) -> Camera {
     let needed = corners.map(|corner| corner.dot(back) + off_axis(corner) / tangent);
     let distance = 1.05 * needed.fold(least, f64::max);
     Camera { eye: target + distance * back, target, ..*camera }
+}
+
+/// Looks at the target from this direction, at the same distance, with y up in the picture. From above and below x points
+/// to the right.
+#[must_use]
+pub fn from_direction(camera: &Camera, direction: DVec3) -> Camera {
+    let offset = camera.eye.distance(camera.target) * direction.normalize_or(DVec3::Z);
+    // The poles themselves have no azimuth.
+    let least = MIN_POLE_ANGLE * offset.length();
+    let is_level = DVec2::new(offset.x, offset.z).length() >= least;
+    let offset = if is_level { offset } else { offset + DVec3::new(0.0, 0.0, least) };
+    Camera { eye: camera.target + offset, up: Vec3::Y, ..*camera }
 }
 
 fn rotated(camera: &Camera, offset: DVec3, angles: DVec2) -> DVec3 {

@@ -55,12 +55,12 @@ impl PictureState {
     /// The first frame time from the current one, in the direction of playback, whose pictures are not kept.
     pub(crate) fn first_missing(&self, stage: &Stage) -> Option<usize> {
         let (kept, index) = (self.kept(stage), stage.playback.index());
-        let ahead = index..kept.len();
+        let [first, last] = stage.playback.span();
         let order: Vec<usize> = match stage.playback.backwards {
-            false => ahead.chain(0..index).collect(),
-            true => (0..=index).rev().chain((index + 1..kept.len()).rev()).collect(),
+            false => (index..=last).chain(first..index).collect(),
+            true => (first..=index).rev().chain((index + 1..=last).rev()).collect(),
         };
-        order.into_iter().find(|&i| !kept[i])
+        order.into_iter().find(|&i| kept.get(i) == Some(&false))
     }
 
     /// Shows the kept pictures of the current moment, if there are any.
@@ -112,6 +112,8 @@ impl PictureState {
         let subject = self.book_subject(stage)?;
         // Fast motion leaves out frames.
         let kept = self.kept(stage);
+        let [first, last] = stage.playback.span();
+        let kept = kept.get(first..=last).unwrap_or_default();
         let of_playback = || kept.iter().step_by(stage.playback.speed().stride());
         let (drawn, frames) = (of_playback().filter(|kept| **kept).count(), of_playback().count());
         let missing = (frames - drawn) as f64;

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::UVec2;
+use glam::{UVec2, Vec2};
 use serde_json::json;
 use web_time::Instant;
 
+use crate::backend::core::picking::Picked;
 use crate::model::editing::{Compare, Editing};
 use crate::model::level::{FINE_SAMPLES, Level};
 use crate::model::log::Log;
@@ -87,6 +88,14 @@ pub(crate) struct PictureState {
     pub(crate) sides: [Side; 2],
     pub(crate) flipping: Flipping,
     pub(crate) legend: ColorLegend,
+    /// Whether the axes are shown.
+    pub(crate) has_triad: bool,
+    /// The place of the picture that was clicked last, both coordinates 0 to 1, until it is asked for.
+    pub(crate) clicked: Option<Vec2>,
+    /// The particle there.
+    pub(crate) picked: Option<Picked>,
+    /// Number of clicks so far.
+    pub(crate) picks: u64,
 }
 
 impl PictureState {
@@ -112,6 +121,10 @@ impl PictureState {
             sides: Default::default(),
             flipping: Flipping::new(flipbook),
             legend: ColorLegend::default(),
+            has_triad: true,
+            clicked: None,
+            picked: None,
+            picks: 0,
         }
     }
 
@@ -165,7 +178,8 @@ impl PictureState {
     /// Size of one picture on screen, pixels.
     pub(crate) fn full_size(&self, stage: &Stage) -> UVec2 {
         match stage.editing.compare {
-            Compare::SideBySide => UVec2::new(self.viewport_size.x / 2, self.viewport_size.y),
+            // Each half shows the whole picture.
+            Compare::SideBySide => self.viewport_size / 2,
             _ => self.viewport_size,
         }
     }
@@ -196,11 +210,16 @@ impl PictureState {
 
     /// The camera that shows the whole liquid; `None` until that is loaded.
     pub(crate) fn fitted(&self, stage: &Stage) -> Option<Camera> {
+        self.fitted_from(&stage.eye.camera, stage)
+    }
+
+    /// As [`Self::fitted`], in the direction of `camera`.
+    pub(crate) fn fitted_from(&self, camera: &Camera, stage: &Stage) -> Option<Camera> {
         let loaded = self.edited(stage).loaded.as_ref()?;
         let aspect = self.viewport_size.as_dvec2();
         let aspect = if aspect.min_element() > 0.0 { aspect.x / aspect.y } else { 1.0 };
         let radius = f64::from(loaded.splats.radius);
         let (min, max) = loaded.bulk.bounds;
-        Some(camera_controls::fit(&stage.eye.camera, (min - radius, max + radius), aspect))
+        Some(camera_controls::fit(camera, (min - radius, max + radius), aspect))
     }
 }

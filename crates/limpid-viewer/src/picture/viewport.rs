@@ -15,9 +15,11 @@ use crate::model::views::View;
 use crate::panels::style::accent;
 use crate::picture::camera_controls;
 use crate::picture::legend;
+use crate::picture::particle;
 use crate::picture::points;
 use crate::picture::state::PictureState;
 use crate::picture::texture::Picture;
+use crate::picture::triad;
 use crate::picture::waiting;
 use limpid::camera::Camera;
 
@@ -115,20 +117,37 @@ impl PictureState {
         {
             points::paint(ui.painter(), rect, loaded, &stage.eye.camera);
         }
+        let place = places(rect, stage.editing.compare)[stage.editing.edited];
         // Legends come and go with their pictures.
         if let Some(facts) = side.picture.shown.clone() {
             match (facts.caption.view, &facts.caption.scale) {
-                (View::Image(..), _) => legend::show(ui, &facts, &viewport, rect),
+                (View::Image(..), _) => legend::show(ui, &facts, &viewport, place),
                 (View::Picture, Some(scale)) if stage.colors.legend => {
                     self.legend.show(ui, rect, self.viewport_size, scale);
                 }
                 (View::Picture, _) => {}
             }
         }
+        if let Some(picked) = &self.picked
+            && particle::show(ui, place, self.full_size(stage), &stage.eye.camera, picked)
+        {
+            self.picked = None;
+        }
         self.flipbook_note(stage, ui, rect);
         if let Some((words, since)) = self.late(stage) {
             waiting::note(ui, rect, &words, since);
         }
+        if self.has_triad
+            && let Some(direction) = triad::show(ui, rect, &stage.eye.camera, stage.up)
+        {
+            self.look_from(direction, stage);
+        }
+    }
+
+    /// Looks at the liquid from a direction.
+    pub(crate) fn look_from(&self, direction: DVec3, stage: &mut Stage) {
+        let camera = camera_controls::from_direction(&stage.eye.camera, direction);
+        stage.eye.set(self.fitted_from(&camera, stage).unwrap_or(camera));
     }
 
     fn pointer(
@@ -140,7 +159,8 @@ impl PictureState {
         log: &mut Log,
     ) {
         self.dragging = viewport.is_pointer_button_down_on();
-        let height = f64::from(rect.height());
+        let places = places(rect, stage.editing.compare);
+        let height = f64::from(places[0].height());
         let moved = viewport.drag_motion();
         let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y)) / height;
         let shift = ui.input(|input| input.modifiers.shift);
@@ -149,7 +169,8 @@ impl PictureState {
         let mut camera = stage.eye.camera;
         // A cursor in half heights from the middle, right and up.
         let cursor = |at: egui::Pos2| {
-            let offset = (at - rect.center()) * 2.0 / rect.height();
+            let place = if places[1].contains(at) { places[1] } else { places[0] };
+            let offset = (at - place.center()) * 2.0 / place.height();
             DVec2::new(f64::from(offset.x), f64::from(-offset.y))
         };
         let touch = ui.input(egui::InputState::multi_touch);
@@ -187,6 +208,13 @@ impl PictureState {
             log.event("camera", json!({ "eye": camera.eye.to_array() }));
             stage.eye.set(camera);
         }
+        if viewport.clicked()
+            && let Some(at) = viewport.interact_pointer_pos()
+        {
+            let place = if places[1].contains(at) { places[1] } else { places[0] };
+            let share = (at - place.min) / place.size();
+            self.clicked = Some(glam::Vec2::new(share.x, share.y));
+        }
         if viewport.double_clicked()
             && let Some(camera) = self.fitted(stage)
         {
@@ -213,8 +241,9 @@ impl PictureState {
             Compare::Off => paint(editing.edited, rect, rect),
             Compare::SideBySide => {
                 let (left, right) = rect.split_left_right_at_fraction(0.5);
-                paint(0, left, left);
-                paint(1, right, right);
+                let places = places(rect, editing.compare);
+                paint(0, places[0], left);
+                paint(1, places[1], right);
                 let line = [right.left_top(), right.left_bottom()];
                 ui.painter().line_segment(line, Stroke::new(1.0, Color32::from_gray(20)));
                 letters(left, right);
@@ -241,6 +270,15 @@ impl PictureState {
             }
         }
     }
+}
+
+/// Where the pictures of A and B are in a viewport of `rect`: beside each other both are whole.
+fn places(rect: Rect, compare: Compare) -> [Rect; 2] {
+    if compare != Compare::SideBySide {
+        return [rect; 2];
+    }
+    let (left, right) = rect.split_left_right_at_fraction(0.5);
+    [left, right].map(|half| Rect::from_center_size(half.center(), 0.5 * rect.size()))
 }
 
 /// The camera moved by the keys W, A, S, D, Q and E, beside a liquid of this extent, m.

@@ -7,6 +7,7 @@ use std::time::Duration;
 use eframe::egui;
 
 use crate::backend::core::drawing::Answer;
+use crate::backend::core::picking::Picked;
 use crate::backend::core::truth::Truth;
 use crate::model::document::Document;
 use limpid_io::bake::Progress;
@@ -43,6 +44,8 @@ pub enum Message {
     FilmEnded(Result<Option<PathBuf>>),
     /// A camera path has been read.
     Path(PathBuf, Result<CameraPath>),
+    /// The particle in a line of sight, by the number of the request.
+    Picked(u64, Result<Option<Picked>>),
     /// Something that the user should know.
     Said(String),
 }

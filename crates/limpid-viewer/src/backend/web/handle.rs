@@ -11,6 +11,7 @@ use js_sys::{Array, Function, Object, Uint8Array};
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::bake::Progress;
+use limpid_io::color_by::ColorBy;
 use limpid_io::error::Error;
 use limpid_io::input::{FrameTime, Loaded};
 use limpid_io::shared_classifier::Processor;
@@ -25,6 +26,7 @@ use super::wire::{
 };
 use crate::backend::core::drawing::{Answer, Pane, Request};
 use crate::backend::core::messages::{Message, Post};
+use crate::backend::core::picking::Sight;
 use crate::backend::core::truth::Truth;
 use crate::model::document::{Document, Source};
 
@@ -243,6 +245,7 @@ impl Backend {
             Tell::Attributes { number, listed } => {
                 send(Message::Attributes(number, Box::new(told(listed))));
             }
+            Tell::Picked { number, picked } => send(Message::Picked(number, told(picked))),
             Tell::Saved(name) => {
                 if let Some(bytes) = buffers.first() {
                     self.download(&name, Uint8Array::new(bytes));
@@ -310,6 +313,17 @@ impl Backend {
     /// Reads the attributes of a document's first frame.
     pub(crate) fn attributes(&self, number: u64, document: &Document) {
         self.ask(&Ask::Attributes { number, document: document.id });
+    }
+
+    /// Finds the particle in a line of sight.
+    pub(crate) fn pick(
+        &self,
+        number: u64,
+        (document, color_by): (&Document, Option<ColorBy>),
+        at: FrameTime,
+        sight: Sight,
+    ) {
+        self.ask(&Ask::Pick { number, document: document.id, color_by, at, sight });
     }
 
     /// A cache of the frames of a document.

@@ -16,7 +16,8 @@ use limpid_io::adjustments::{Floor, Sun};
 use limpid_io::color_by::{AttributeRange, ColorBy, ColorScale};
 use limpid_io::error::{Error, Result};
 use limpid_io::frame_cache::CacheState;
-use limpid_io::input::{FrameTime, Loaded, Loader};
+use limpid_io::input::{FrameTime, Loaded, Loader, RadiusFrom};
+use limpid_io::particles;
 use limpid_io::project::{LiquidSource, Project};
 use limpid_io::sequence::{Frame, Sequence};
 use limpid_io::shared_classifier::Processor;
@@ -26,8 +27,10 @@ use serde::{Deserialize, Serialize};
 use wasm_bindgen::{JsCast, JsValue};
 
 use crate::backend::core::drawing::{Drawn, Shown};
+use crate::backend::core::picking::{Picked, Sight};
 use crate::model::document::{Document, Source};
 use crate::model::level::Level;
+use crate::model::reading::Reading;
 use crate::model::sketch::{enlarged, spread};
 use crate::model::views::{Legend, Values, View};
 
@@ -63,6 +66,8 @@ pub(crate) enum Ask {
     Save { pane: PaneText, name: String },
     /// Reads the attributes of a document's first frame.
     Attributes { number: u64, document: u64 },
+    /// Finds the particle of a document in a line of sight.
+    Pick { number: u64, document: u64, color_by: Option<ColorBy>, at: FrameTime, sight: Sight },
     /// Writes the scene of a document.
     SaveScene {
         document: u64,
@@ -125,6 +130,11 @@ pub(super) enum Tell {
     Attributes {
         number: u64,
         listed: Result<Vec<AttributeRange>, String>,
+    },
+    /// The particle in a line of sight.
+    Picked {
+        number: u64,
+        picked: Result<Option<Picked>, String>,
     },
     /// A file for the user: its name; the buffer is its contents.
     Saved(String),
@@ -217,6 +227,8 @@ pub(super) struct LoadedText {
     particles: usize,
     splashes: usize,
     radius: f32,
+    radius_from: RadiusFrom,
+    arrays: Vec<particles::Array>,
     bulk: Bulk,
     /// Centres, relative to the origin, and radii of some of them, m: for a coarse picture until there is a first one.
     sketch: Vec<[f32; 4]>,
@@ -229,7 +241,7 @@ const SKETCHED: usize = 4000;
 impl LoadedText {
     /// A frame, with a sketch of its particles if it is the first.
     pub(super) fn of(frame: u64, loaded: &Loaded, is_first: bool) -> Self {
-        let &Loaded { number, particles, splashes, bulk, ref splats, .. } = loaded;
+        let &Loaded { number, particles, splashes, radius_from, bulk, ref splats, .. } = loaded;
         let count = splats.aggregates.len() + splats.splashes.len();
         let larger = enlarged(count, SKETCHED);
         let bodies = splats.aggregates.len();
@@ -240,12 +252,13 @@ impl LoadedText {
             [x, y, z, larger * splat.radius]
         };
         let sketch = some.map(disc).collect();
-        let (radius, origin) = (splats.radius, splats.origin);
-        Self { frame, number, particles, splashes, radius, bulk, sketch, origin }
+        let (radius, origin, arrays) = (splats.radius, splats.origin, loaded.arrays.clone());
+        Self { frame, number, particles, splashes, radius, radius_from, arrays, bulk, sketch, origin }
     }
 
     pub(super) fn outline(&self) -> Loaded {
-        let &Self { number, particles, splashes, radius, bulk, origin, .. } = self;
+        let &Self { number, particles, splashes, radius, radius_from, bulk, origin, .. } = self;
+        let arrays = self.arrays.clone();
         let splat = |&[x, y, z, radius]: &[f32; 4]| Splat {
             centre: [x, y, z],
             radius,
@@ -256,7 +269,8 @@ impl LoadedText {
         };
         let aggregates = self.sketch.iter().map(splat).collect();
         let splats = Splats { radius, aggregates, origin, ..Splats::default() };
-        Loaded { number, particles, splashes, splats, bulk, ..Loaded::default() }
+        let frame = Loaded { number, particles, splashes, splats, bulk, ..Loaded::default() };
+        Loaded { radius_from, arrays, ..frame }
     }
 }
 
@@ -273,6 +287,7 @@ pub(super) struct DocumentText {
     plain_color_by: Option<ColorBy>,
     scale: Option<ColorScale>,
     thickness: Option<f32>,
+    reading: Reading,
     simulation: Option<Simulation>,
     has_files: bool,
     numbers: Vec<i64>,
@@ -296,6 +311,7 @@ impl DocumentText {
             plain_color_by: document.plain_color_by.clone(),
             scale: document.scale.clone(),
             thickness: document.thickness,
+            reading: document.reading,
             simulation: project.source.simulation().cloned(),
             has_files: input.has_files(),
             numbers: numbers.clone(),
@@ -307,7 +323,7 @@ impl DocumentText {
 
     pub(super) fn outline(self) -> Document {
         let Self { id, source, scene, plain, camera, processor, simulation, numbers, .. } = self;
-        let Self { color_by, plain_color_by, scale, thickness, .. } = self;
+        let Self { color_by, plain_color_by, scale, thickness, reading, .. } = self;
         let project = Project {
             scene: scene.outline(),
             camera,
@@ -331,6 +347,7 @@ impl DocumentText {
             project,
             scale,
             thickness,
+            reading,
             numbers,
             id,
         }

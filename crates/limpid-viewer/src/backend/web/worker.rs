@@ -39,6 +39,7 @@ use crate::backend::core::drawing::{Answer, Pane, Request};
 use crate::backend::core::loading::Loader;
 use crate::backend::core::messages::Message;
 use crate::backend::core::opening::{self, Reports};
+use crate::backend::core::picking::pick;
 use crate::backend::core::queue::{Artist, Job, Next, Queue};
 use crate::model::document::{Document, Source};
 
@@ -187,6 +188,11 @@ impl Worker {
                 let Some(document) = self.shown(document) else { return };
                 let listed = document.input.attributes().map_err(|error| error.to_string());
                 tell(&Tell::Attributes { number, listed });
+            }
+            Ask::Pick { number, document, color_by, at, sight } => {
+                let Some(document) = self.shown(document) else { return };
+                let picked = pick(&document.input, color_by, at, &sight);
+                tell(&Tell::Picked { number, picked: picked.map_err(|error| error.to_string()) });
             }
             Ask::SaveScene { document, edits, color_by, camera, at, processor, name } => {
                 let Some(document) = self.shown(document) else { return };
