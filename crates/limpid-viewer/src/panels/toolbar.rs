@@ -38,7 +38,8 @@ pub(crate) struct Toolbar<'a> {
 
 impl Toolbar<'_> {
     pub(crate) fn show(self, ui: &mut egui::Ui, commands: &mut Vec<Command>) {
-        let Self { open, help, dark, panels, view, shown, lights, compare, recent, can_step } = self;
+        let Self { open, help, dark, panels, view, shown, lights, compare, recent, can_step } =
+            self;
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
             let layout = egui::Layout::right_to_left(egui::Align::Center);

@@ -253,7 +253,18 @@ impl LoadedText {
         };
         let sketch = some.map(disc).collect();
         let (radius, origin, arrays) = (splats.radius, splats.origin, loaded.arrays.clone());
-        Self { frame, number, particles, splashes, radius, radius_from, arrays, bulk, sketch, origin }
+        Self {
+            frame,
+            number,
+            particles,
+            splashes,
+            radius,
+            radius_from,
+            arrays,
+            bulk,
+            sketch,
+            origin,
+        }
     }
 
     pub(super) fn outline(&self) -> Loaded {
