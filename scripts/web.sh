@@ -93,6 +93,8 @@ else
 fi
 
 cp crates/limpid-web/page/* "$dist"
+# For browsers that cannot draw.
+cp crates/limpid-viewer/demos/lagoon.jpg "$dist/still.jpg"
 
 size() { printf '%d KiB' "$(($(wc -c) / 1024))"; }
 packed=$(gzip -9 <"$dist/limpid_web_bg.wasm" | wc -c)

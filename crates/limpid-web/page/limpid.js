@@ -48,9 +48,22 @@ async function obstacle() {
   return undefined;
 }
 
-const BROWSERS =
-  "Chrome and Edge have it since version 113 (on Linux with some graphics cards, with others once " +
-  "chrome://flags/#enable-unsafe-webgpu is switched on), Safari since 26, Firefox since 141 on Windows and 145 on Macs.";
+/** What this browser needs to draw. */
+function remedy() {
+  const { userAgent } = navigator;
+  const linux = userAgent.includes("Linux") && !userAgent.includes("Android");
+  if (userAgent.includes("Firefox")) {
+    return `Firefox has WebGPU since version 141 on Windows and 145 on Macs.${linux ? " On Linux, Chrome has it." : ""}`;
+  }
+  if (/Chrom|Edg/.test(userAgent)) {
+    return linux
+      ? "Chrome on Linux has WebGPU with some graphics cards, with others once chrome://flags/#enable-unsafe-webgpu is " +
+          "switched on."
+      : "Chrome and Edge have WebGPU since version 113, if they may use the graphics card: chrome://gpu tells.";
+  }
+  if (userAgent.includes("Safari")) return "Safari has WebGPU since version 26.";
+  return "Chrome and Edge have WebGPU since version 113, Safari since 26, Firefox since 141.";
+}
 
 /** All files of what was dropped, with their paths. */
 async function filesOf(items) {
@@ -81,6 +94,7 @@ async function filesOf(items) {
 const STYLE = `
   :host { display: block; position: relative; min-width: 160px; min-height: 120px; background: #0c0c0c; }
   canvas { position: absolute; inset: 0; width: 100%; height: 100%; outline: none; touch-action: none; }
+  img { position: absolute; width: 100%; height: 100%; object-fit: cover; opacity: 0.3; }
   p { position: absolute; inset: 0; display: grid; place-content: center; margin: 0; padding: 2em;
       font: 15px/1.5 system-ui, sans-serif; color: #bbb; text-align: center; }
   p small { display: block; max-width: 40em; color: #888; }
@@ -128,7 +142,11 @@ class LimpidView extends HTMLElement {
       const problem = await obstacle();
       if (gone()) return;
       if (problem) {
-        say(problem, BROWSERS);
+        say(problem, window.isSecureContext ? remedy() : "");
+        const still = document.createElement("img");
+        still.src = new URL("still.jpg", here);
+        still.alt = "A lagoon, as limpid draws it";
+        note.before(still);
         this.dispatchEvent(new CustomEvent("limpid-unsupported", { detail: problem, bubbles: true }));
         return;
       }
