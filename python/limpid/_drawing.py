@@ -8,7 +8,8 @@ import re
 import sys
 import warnings
 import weakref
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Union
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from . import _limpid
 from ._arrays import particle_arrays, placed, radius_of, samples_of, size_of, up_of
-from ._coloring import coloring
+from ._coloring import coloring, colormap_of, range_of
 from ._errors import LimpidWarning
 from ._limpid import Camera
 from ._particles import Particles
@@ -25,6 +26,70 @@ from ._scene import Scene
 from ._world import PathLike
 
 SceneLike = Union[Scene, PathLike]
+
+
+@dataclass(eq=False, kw_only=True)
+class Request:
+    """What is asked of a picture, apart from the positions: see `Renderer.render`.
+
+    The arrays are checked with the positions, all else here.
+    """
+
+    radius: npt.ArrayLike | None = None
+    velocities: npt.ArrayLike | None = None
+    ids: npt.ArrayLike | None = None
+    ellipsoids: npt.ArrayLike | None = None
+    colors: npt.ArrayLike | None = None
+    values: npt.ArrayLike | None = None
+    colormap: str | None = None
+    range: Any = None
+    scene: Any = None
+    camera: Camera | None = None
+    size: Any = (1024, 768)
+    samples: int | None = None
+    aovs: Any = ()
+    alpha: bool = False
+    up: str | None = None
+    frame: int = 0
+    #: Length of liquid behind which `colors` are seen, m; by default that of these particles.
+    thickness: float | None = None
+
+    def __post_init__(self) -> None:
+        self.colormap = colormap_of(self.colormap)
+        self.range = range_of(self.range)
+        self.scene = scene_of(self.scene)
+        if self.camera is not None and not isinstance(self.camera, Camera):
+            raise ValueError(f"camera is {self.camera!r}; expected a limpid.Camera")
+        self.size = size_of(self.size)
+        self.samples = samples_of(self.samples)
+        self.aovs = _names(self.aovs)
+        self.alpha = bool(self.alpha)
+        self.up = up_of(self.up)
+        frame = self.frame
+        if isinstance(frame, bool) or not isinstance(frame, (int, np.integer)):
+            raise ValueError(f"frame is {frame!r}; expected a whole number")
+        if not -(2**62) < frame < 2**62:
+            raise ValueError(f"frame is {frame}; expected a number between -2**62 and 2**62")
+        self.frame = int(frame)
+
+    def of(self, own: Particles) -> Request:
+        """This, with what the particles have and nothing else was given for."""
+        colors, values = self.colors, self.values
+        if colors is None and values is None:
+            colors, values = own.colors, own.values
+        radius = self.radius
+        if radius is None:
+            radius = own.radius if own.radii is None else own.radii
+        return replace(
+            self,
+            velocities=own.velocities if self.velocities is None else self.velocities,
+            ellipsoids=own.ellipsoids if self.ellipsoids is None else self.ellipsoids,
+            ids=own.ids if self.ids is None else self.ids,
+            colors=colors,
+            values=values,
+            radius=radius,
+        )
+
 
 _open: weakref.WeakSet[Drawing] = weakref.WeakSet()
 
@@ -50,90 +115,57 @@ class Drawing:
         """Closes the device; pictures stay as they are."""
         self._device.close()
 
-    def picture(
-        self, positions: npt.ArrayLike | Particles, *, alpha: bool = False, **others: Any
-    ) -> Picture:
-        """A picture of particles: see `Renderer.render`."""
-        drawn, scene = self._drawn(positions, alpha=alpha, **others)
-        picture = Picture(drawn, scene, bool(alpha))
-        self._known = (scene, picture.scene)
+    def picture(self, positions: npt.ArrayLike | Particles, request: Request) -> Picture:
+        """A picture of particles."""
+        drawn = self._drawn(positions, request)
+        picture = Picture(drawn, request.scene, request.alpha)
+        self._known = (request.scene, picture.scene)
         self._warn(drawn["notices"])
         return picture
 
     def views(
-        self, positions: npt.ArrayLike | Particles, views: Sequence[Camera], **others: Any
+        self, positions: npt.ArrayLike | Particles, cameras: Sequence[Camera], request: Request
     ) -> npt.NDArray[np.uint8]:
         """Pictures of particles from several cameras: see `Renderer.render_views`."""
-        drawn, scene = self._drawn(positions, camera=views[0], views=views, **others)
-        self._known = (scene, scene)
+        drawn = self._drawn(positions, replace(request, camera=cameras[0]), cameras)
+        self._known = (request.scene,)
         self._warn(drawn["notices"])
         pictures: npt.NDArray[np.uint8] = drawn["rgba"]
         return pictures
 
-    def frame(
-        self, frames: _limpid.Frames, number: int, size: tuple[int, int], scene: Scene | None
-    ) -> Picture:
+    def frame(self, frames: _limpid.Frames, number: int, request: Request) -> Picture:
         """The picture of one of several files, which are a series."""
-        drawn = self._device.draw_frame(frames, number, size, number > 0)
+        drawn = self._device.draw_frame(frames, number, request.size, number > 0)
         if number == 0:
             self._known = ()
             self._issued.clear()
         self._warn(drawn["notices"])
-        return Picture(drawn, scene, False)
+        return Picture(drawn, request.scene, False)
 
     def _drawn(
-        self,
-        positions: npt.ArrayLike | Particles,
-        *,
-        radius: npt.ArrayLike | None = None,
-        velocities: npt.ArrayLike | None = None,
-        ids: npt.ArrayLike | None = None,
-        ellipsoids: npt.ArrayLike | None = None,
-        colors: npt.ArrayLike | None = None,
-        values: npt.ArrayLike | None = None,
-        colormap: str | None = None,
-        range: Sequence[float] | str | None = None,
-        scene: SceneLike | None = None,
-        camera: Camera | None = None,
-        size: Sequence[int] = (1024, 768),
-        samples: int | None = None,
-        aovs: Iterable[str] = (),
-        alpha: bool = False,
-        up: str | None = None,
-        frame: int = 0,
-        thickness: float | None = None,
-        views: Sequence[Camera] = (),
-    ) -> tuple[dict[str, Any], Scene | None]:
-        """Draw the particles. Returns the device's results, and the scene that was given."""
+        self, positions: npt.ArrayLike | Particles, request: Request, views: Sequence[Camera] = ()
+    ) -> dict[str, Any]:
+        """Draws the particles. Returns the device's results."""
         if isinstance(positions, Particles):
-            own = positions
-            velocities = own.velocities if velocities is None else velocities
-            ellipsoids = own.ellipsoids if ellipsoids is None else ellipsoids
-            ids = own.ids if ids is None else ids
-            if colors is None and values is None:
-                colors, values = own.colors, own.values
-            if radius is None:
-                radius = own.radius if own.radii is None else own.radii
-            positions = own.positions
-        value, radii = radius_of(radius)
+            request, positions = request.of(positions), positions.positions
+        value, radii = radius_of(request.radius)
         arrays = particle_arrays(
-            positions, velocities=velocities, radii=radii, ids=ids, ellipsoids=ellipsoids
+            positions,
+            velocities=request.velocities,
+            radii=radii,
+            ids=request.ids,
+            ellipsoids=request.ellipsoids,
         )
         places = arrays["positions"]
         assert places is not None
         kept = placed(places)
-        colored = coloring(colors, values, colormap, range, len(places), kept)
+        colored = coloring(
+            request.colors, request.values, request.colormap, request.range, len(places), kept
+        )
         if kept is not None:
             arrays = {name: None if array is None else array[kept] for name, array in arrays.items()}
-        scene = scene_of(scene)
-        if camera is not None and not isinstance(camera, Camera):
-            raise ValueError(f"camera is {camera!r}; expected a limpid.Camera")
-        names = _names(aovs)
-        if isinstance(frame, bool) or not isinstance(frame, (int, np.integer)):
-            raise ValueError(f"frame is {frame!r}; expected a whole number")
-        if not -(2**62) < frame < 2**62:
-            raise ValueError(f"frame is {frame}; expected a number between -2**62 and 2**62")
         # A scene is checked once, not for each picture of a series.
+        scene = request.scene
         described = scene is not None and any(scene is known for known in self._known)
         if not described:
             self._issued.clear()
@@ -141,15 +173,15 @@ class Drawing:
             arrays,
             colored,
             None if scene is None else scene._project,
-            camera,
-            up_of(up),
+            request.camera,
+            request.up,
             value,
-            int(frame),
-            size_of(size),
-            samples_of(samples),
-            names,
-            bool(alpha),
-            thickness,
+            request.frame,
+            request.size,
+            request.samples,
+            request.aovs,
+            request.alpha,
+            request.thickness,
             views,
             described,
         )
@@ -160,7 +192,7 @@ class Drawing:
                 f"(the first: particle {first})"
             )
             drawn["notices"].insert(0, notice)
-        return drawn, scene
+        return drawn
 
     def _warn(self, notices: list[str]) -> None:
         """Warns of what was not yet said, whatever its numbers, about the series."""

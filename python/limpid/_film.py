@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Iterator, Sequence, Sized
+from collections.abc import Iterable, Iterator, Sized
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from . import _limpid
-from ._arrays import radius_of, samples_of, size_of, up_of
+from ._arrays import radius_of
 from ._closing import Closing
-from ._coloring import colormap_of, range_of
-from ._drawing import Drawing, SceneLike, scene_of
+from ._drawing import Drawing, Request
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture, title_of
@@ -29,40 +28,26 @@ class Film(Closing, Iterator[Picture]):
         drawing: Drawing,
         source: Iterable[Any] | PathLike,
         path: PathLike,
+        request: Request,
         *,
-        fps: float | None,
-        radius: npt.ArrayLike | None,
-        colormap: str | None,
-        range: Sequence[float] | str | None,
-        legend: bool | str,
-        scene: SceneLike | None,
         camera: Camera | Iterable[Camera] | None,
-        size: Sequence[int],
-        samples: int | None,
-        up: str | None,
+        fps: float | None,
+        legend: bool | str,
     ) -> None:
         self._drawing = drawing
-        self._size = size_of(size)
-        self._samples = samples_of(samples)
-        self._scene = scene_of(scene)
-        self._radius = radius
-        self._colormap = colormap_of(colormap)
-        self._range = range_of(range)
-        self._shows_values = self._colormap is not None or self._range is not None
+        self._request = request
+        self._shows_values = request.colormap is not None or request.range is not None
         if isinstance(legend, (bool, np.bool_)):
             self._legend, self._title = bool(legend), None
         else:
             title_of(legend)
             self._legend, self._title = True, legend
-        self._up = up_of(up)
         self._number = 0
         self._settled = False
         self._busy = threading.Lock()
-        self._thickness: float | None = None
         self._cameras: Iterator[Camera] | None = None
-        self._camera: Camera | None = None
         if camera is None or isinstance(camera, Camera):
-            self._camera = camera
+            self._request = replace(request, camera=camera)
         else:
             try:
                 self._cameras = iter(camera)
@@ -79,18 +64,18 @@ class Film(Closing, Iterator[Picture]):
                 raise ValueError(
                     "colormap and range show values of Particles; for files, give a scene with color_by"
                 )
-            value, radii = radius_of(radius)
+            value, radii = radius_of(request.radius)
             if radii is not None:
                 raise ValueError("radius is an array; files take one radius")
-            project = None if self._scene is None else self._scene._project
+            scene = request.scene
             self._frames = _limpid.Frames.open(
                 os.fspath(source),
-                project,
-                self._camera,
-                self._up,
+                None if scene is None else scene._project,
+                self._request.camera,
+                request.up,
                 value,
-                self._samples,
-                self._size,
+                request.samples,
+                request.size,
             )
             self._count = len(self._frames)
             own_fps = self._frames.fps
@@ -111,7 +96,7 @@ class Film(Closing, Iterator[Picture]):
             given = own_fps if fps is None else fps
             raise ValueError(f"fps is {given!r}; expected pictures per second") from None
         self._file: _limpid.FilmFile | None = _limpid.FilmFile(
-            os.fspath(path), self._size[0], self._size[1], rate
+            os.fspath(path), request.size[0], request.size[1], rate
         )
 
     def __len__(self) -> int:
@@ -161,35 +146,24 @@ class Film(Closing, Iterator[Picture]):
         if self._frames is not None:
             if number == len(self._frames):
                 raise StopIteration
-            picture = self._drawing.frame(self._frames, number, self._size, self._scene)
+            picture = self._drawing.frame(self._frames, number, self._request)
         else:
             assert self._particles is not None
             positions = next(self._particles)
-            camera = self._camera
+            request = replace(self._request, frame=number)
             if self._cameras is not None:
                 camera = next(self._cameras, None)
                 if camera is None:
                     raise ValueError(f"camera has {number} entries, and there are more frames")
-                if not isinstance(camera, Camera):
-                    raise ValueError(f"camera has {camera!r}; expected a limpid.Camera")
+                request = replace(request, camera=camera)
             # Emitters begin without particles, and perhaps without values.
             has_values = isinstance(positions, Particles) and positions.values is not None
-            picture = self._drawing.picture(
-                positions,
-                radius=self._radius,
-                colormap=self._colormap if has_values else None,
-                range=self._range if has_values else None,
-                scene=self._scene,
-                camera=camera,
-                size=self._size,
-                samples=self._samples,
-                up=self._up,
-                frame=number,
-                thickness=self._thickness,
-            )
+            if not has_values:
+                request = replace(request, colormap=None, range=None)
+            picture = self._drawing.picture(positions, request)
             if not self._settled and picture.particles > 0:
                 self._settle(picture)
-            if self._range is None:
+            if self._request.range is None:
                 self._keep_range(picture, has_values)
         if self._legend and picture.particles > 0:
             picture = picture.legend(self._title)
@@ -199,18 +173,19 @@ class Film(Closing, Iterator[Picture]):
 
     def _keep_range(self, picture: Picture, has_values: bool) -> None:
         """Keeps the range of the first frame whose values differ."""
-        self._range = picture.range
+        self._request = replace(self._request, range=picture.range)
         if picture.range is not None and not has_values:
             # The attribute is the scene's.
-            self._scene = picture.scene.copy()
-            self._scene._project.set([f"liquid.color_range={list(picture.range)}"])
+            scene = picture.scene.copy()
+            scene._project.set([f"liquid.color_range={list(picture.range)}"])
+            self._request = replace(self._request, scene=scene)
 
     def _settle(self, picture: Picture) -> None:
         """Keeps what was made to fit the first frame with particles."""
         self._settled = True
-        self._scene = picture.scene
-        self._thickness = picture._thickness
+        # The scene has the axis.
+        self._request = replace(
+            self._request, scene=picture.scene, thickness=picture._thickness, up=None
+        )
         if self._shows_values and picture.colormap is None:
             raise ValueError("colormap and range show values; give frames as Particles with values")
-        # The scene has the axis.
-        self._up = None

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ._arrays import size_of
 from ._closing import Closing
-from ._drawing import Drawing, SceneLike
+from ._drawing import Drawing, Request, SceneLike
 from ._errors import Error
 from ._film import Film
 from ._limpid import Camera
@@ -166,8 +166,7 @@ class Renderer(Closing):
             If units, radius or camera are likely wrong, or if particles without a finite position are left
             out, up to half of them; in a series of pictures once.
         """
-        return self._drawing.picture(
-            positions,
+        request = Request(
             radius=radius,
             velocities=velocities,
             ids=ids,
@@ -185,6 +184,7 @@ class Renderer(Closing):
             up=up,
             frame=frame,
         )
+        return self._drawing.picture(positions, request)
 
     def render_views(
         self,
@@ -238,9 +238,7 @@ class Renderer(Closing):
         if not views:
             width, height = size_of(size)
             return np.empty((0, height, width, 4), np.uint8)
-        return self._drawing.views(
-            positions,
-            views,
+        request = Request(
             radius=radius,
             ellipsoids=ellipsoids,
             colors=colors,
@@ -254,6 +252,7 @@ class Renderer(Closing):
             up=up,
             frame=frame,
         )
+        return self._drawing.views(positions, views, request)
 
     def film(
         self,
@@ -308,21 +307,16 @@ class Renderer(Closing):
         ValueError, OSError
             As `render`; if the film cannot be written, before anything is drawn.
         """
-        return Film(
-            self._drawing,
-            source,
-            path,
-            fps=fps,
+        request = Request(
             radius=radius,
             colormap=colormap,
             range=range,
-            legend=legend,
             scene=scene,
-            camera=camera,
             size=size,
             samples=samples,
             up=up,
         )
+        return Film(self._drawing, source, path, request, camera=camera, fps=fps, legend=legend)
 
 
 _default: Renderer | None = None
