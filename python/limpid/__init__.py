@@ -7,12 +7,13 @@
 Right-handed coordinates, metres, linear RGB. Work releases the interpreter's lock, and Ctrl-C ends it.
 """
 
-from ._errors import DeviceLost, Error, FileError, LimpidWarning, NoAdapter, SceneError
+from ._errors import Cancelled, DeviceLost, Error, FileError, LimpidWarning, NoAdapter, SceneError
 from ._film import Film
+from ._frames import Frames, frames
 from ._limpid import Camera, __version__
 from ._particles import Particles, bake, read, write
 from ._picture import Images, Picture, flip
-from ._renderer import Renderer, render
+from ._renderer import Renderer, film, render
 from ._scene import Scene, Settings
 from ._vtk import from_pyvista_camera, from_vtk
 from ._world import (
@@ -33,11 +34,13 @@ from ._world import (
 __all__ = [
     "Box",
     "Camera",
+    "Cancelled",
     "Checker",
     "DeviceLost",
     "Error",
     "FileError",
     "Film",
+    "Frames",
     "Glow",
     "Gradient",
     "Ground",
@@ -59,7 +62,9 @@ __all__ = [
     "Sun",
     "__version__",
     "bake",
+    "film",
     "flip",
+    "frames",
     "from_pyvista_camera",
     "from_vtk",
     "read",

@@ -8,7 +8,7 @@ import re
 import sys
 import warnings
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Union
 
@@ -18,7 +18,8 @@ import numpy.typing as npt
 from . import _limpid
 from ._arrays import particle_arrays, placed, radius_of, samples_of, size_of, up_of
 from ._coloring import coloring, colormap_of, range_of
-from ._errors import LimpidWarning
+from ._errors import Cancelled, LimpidWarning
+from ._frames import Frames
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture
@@ -26,6 +27,10 @@ from ._scene import Scene
 from ._world import PathLike
 
 SceneLike = Union[Scene, PathLike]
+
+#: Is told the number of pictures that are done, and of all if it is known; stops the work if it returns False.
+Progress = Callable[[int, Union[int, None]], object]
+Tick = Callable[[], None]
 
 
 @dataclass(eq=False, kw_only=True)
@@ -40,7 +45,7 @@ class Request:
     ids: npt.ArrayLike | None = None
     ellipsoids: npt.ArrayLike | None = None
     colors: npt.ArrayLike | None = None
-    values: npt.ArrayLike | None = None
+    values: npt.ArrayLike | str | None = None
     colormap: str | None = None
     range: Any = None
     scene: Any = None
@@ -50,7 +55,7 @@ class Request:
     aovs: Any = ()
     alpha: bool = False
     up: str | None = None
-    frame: int = 0
+    frame: int | None = None
     #: Length of liquid behind which `colors` are seen, m; by default that of these particles.
     thickness: float | None = None
 
@@ -66,6 +71,8 @@ class Request:
         self.alpha = bool(self.alpha)
         self.up = up_of(self.up)
         frame = self.frame
+        if frame is None:
+            return
         if isinstance(frame, bool) or not isinstance(frame, (int, np.integer)):
             raise ValueError(f"frame is {frame!r}; expected a whole number")
         if not -(2**62) < frame < 2**62:
@@ -94,6 +101,56 @@ class Request:
 _open: weakref.WeakSet[Drawing] = weakref.WeakSet()
 
 
+def opened(source: PathLike, request: Request) -> _limpid.Frames:
+    """Files, opened to be drawn."""
+    for name in ("velocities", "ids", "ellipsoids", "colors"):
+        if getattr(request, name) is not None:
+            raise ValueError(f"{name} is given, and files have their own; limpid.frames reads others, by its map")
+    value, radii = radius_of(request.radius)
+    if radii is not None:
+        raise ValueError("radius is an array; files take one radius")
+    values, scene = request.values, request.scene
+    if values is not None and not isinstance(values, str):
+        raise ValueError('values is an array; of files, name an attribute, as values="velocity"')
+    shows = request.colormap is not None or request.range is not None
+    if shows and values is None and scene is None:
+        raise ValueError('colormap and range show values; name an attribute of the files, as values="velocity"')
+    opening = {
+        "project": None if scene is None else scene._project,
+        "camera": request.camera,
+        "up": request.up,
+        "radius": value,
+        "samples": request.samples,
+        "size": request.size,
+        "alpha": request.alpha,
+        "motion": not {"motion", "all"}.isdisjoint(request.aovs),
+        "values": values,
+        "colormap": request.colormap,
+        "range": request.range,
+    }
+    return _limpid.Frames.open(os.fspath(source), opening)
+
+
+def ticking(progress: Progress | None, done: int, total: int | None) -> Tick | None:
+    """What is called while a picture is drawn, for a user's function."""
+    if progress is None:
+        return None
+    told = progress
+
+    def tick() -> None:
+        if told(done, total) is False:
+            raise Cancelled("progress has returned False: drawing was stopped")
+
+    return tick
+
+
+def progress_of(progress: Any) -> Progress | None:
+    """A function that is told how far the work is."""
+    if progress is None or callable(progress):
+        return progress  # type: ignore[no-any-return]
+    raise ValueError(f"progress is {progress!r}; expected a function of (done, total)")
+
+
 class Drawing:
     """A device that draws series of pictures, and warns of each problem of a series once."""
 
@@ -115,39 +172,69 @@ class Drawing:
         """Closes the device; pictures stay as they are."""
         self._device.close()
 
-    def picture(self, positions: npt.ArrayLike | Particles, request: Request) -> Picture:
-        """A picture of particles."""
-        drawn = self._drawn(positions, request)
+    def picture(
+        self,
+        positions: npt.ArrayLike | Particles | PathLike,
+        request: Request,
+        tick: Tick | None = None,
+    ) -> Picture:
+        """A picture of particles, or of a frame of files."""
+        if isinstance(positions, (str, os.PathLike)):
+            return self._file(positions, request, tick)
+        drawn = self._drawn(positions, request, tick=tick)
         picture = Picture(drawn, request.scene, request.alpha)
         self._known = (request.scene, picture.scene)
         self._warn(drawn["notices"])
         return picture
 
     def views(
-        self, positions: npt.ArrayLike | Particles, cameras: Sequence[Camera], request: Request
+        self,
+        positions: npt.ArrayLike | Particles,
+        cameras: Sequence[Camera],
+        request: Request,
+        tick: Tick | None,
     ) -> npt.NDArray[np.uint8]:
         """Pictures of particles from several cameras: see `Renderer.render_views`."""
-        drawn = self._drawn(positions, replace(request, camera=cameras[0]), cameras)
+        drawn = self._drawn(positions, replace(request, camera=cameras[0]), cameras, tick)
         self._known = (request.scene,)
         self._warn(drawn["notices"])
         pictures: npt.NDArray[np.uint8] = drawn["rgba"]
         return pictures
 
-    def frame(self, frames: _limpid.Frames, number: int, request: Request) -> Picture:
-        """The picture of one of several files, which are a series."""
-        drawn = self._device.draw_frame(frames, number, request.size, number > 0)
-        if number == 0:
+    def frame(
+        self, frames: _limpid.Frames, index: int, request: Request, tick: Tick | None, *, first: bool
+    ) -> Picture:
+        """The picture of a frame of files; if it is not the `first`, of one more of a series."""
+        camera, size, aovs = request.camera, request.size, request.aovs
+        drawn = self._device.draw_frame(frames, index, camera, size, aovs, not first, tick)
+        if first:
             self._known = ()
             self._issued.clear()
         self._warn(drawn["notices"])
-        return Picture(drawn, request.scene, False)
+        return Picture(drawn, request.scene, request.alpha)
+
+    def _file(self, path: PathLike, request: Request, tick: Tick | None) -> Picture:
+        frames = opened(path, request)
+        numbers = frames.numbers
+        number = numbers[0] if request.frame is None else request.frame
+        if number not in numbers:
+            raise ValueError(f"frame is {number}; {os.fspath(path)!s} has {_listed(numbers)}")
+        return self.frame(frames, numbers.index(number), request, tick, first=True)
 
     def _drawn(
-        self, positions: npt.ArrayLike | Particles, request: Request, views: Sequence[Camera] = ()
+        self,
+        positions: npt.ArrayLike | Particles,
+        request: Request,
+        views: Sequence[Camera] = (),
+        tick: Tick | None = None,
     ) -> dict[str, Any]:
         """Draws the particles. Returns the device's results."""
         if isinstance(positions, Particles):
             request, positions = request.of(positions), positions.positions
+        if isinstance(positions, Frames):
+            raise ValueError("positions is several frames; draw one, as positions[0], or limpid.film(positions)")
+        if isinstance(request.values, str):
+            raise ValueError(f"values is {request.values!r}; names are for files, give an array")
         value, radii = radius_of(request.radius)
         arrays = particle_arrays(
             positions,
@@ -176,7 +263,7 @@ class Drawing:
             request.camera,
             request.up,
             value,
-            request.frame,
+            request.frame or 0,
             request.size,
             request.samples,
             request.aovs,
@@ -184,6 +271,7 @@ class Drawing:
             request.thickness,
             views,
             described,
+            tick,
         )
         if kept is not None:
             lost, first = np.count_nonzero(~kept), np.argmin(kept)
@@ -218,6 +306,12 @@ def _names(aovs: Any) -> list[str]:
         return [str(name).strip() for name in aovs]
     except TypeError:
         raise ValueError(f"aovs is {aovs!r}; expected names of images") from None
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    if len(numbers) == 1:
+        return f"frame {numbers[0]} alone"
+    return f"{len(numbers)} frames, {numbers[0]} to {numbers[-1]}"
 
 
 def _level_of_caller() -> int:
