@@ -15,7 +15,9 @@ from ._particles import Particles, bake, read, write
 from ._picture import Images, Picture, flip
 from ._renderer import Renderer, film, render
 from ._scene import Scene, Settings
+from ._view import view
 from ._vtk import from_pyvista_camera, from_vtk
+from ._window import Window
 from ._world import (
     Box,
     Checker,
@@ -60,6 +62,7 @@ __all__ = [
     "Sky",
     "Sphere",
     "Sun",
+    "Window",
     "__version__",
     "bake",
     "film",
@@ -69,5 +72,6 @@ __all__ = [
     "from_vtk",
     "read",
     "render",
+    "view",
     "write",
 ]
