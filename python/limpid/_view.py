@@ -44,7 +44,7 @@ def view(
     Parameters
     ----------
     source : (n, 3) array of floats, Particles, path, or a sequence of arrays or Particles
-        As for `render`. A window is given particles by a temporary file.
+        As for `render`. A window is given particles by temporary files, and plays several frames.
     radius, velocities, colors, values, colormap, range, scene, up : optional
         As for `render`. A window shows `colors` as those of an opaque liquid.
     camera : Camera, optional

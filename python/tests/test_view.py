@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import json
 import os
+import shutil
+import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -95,6 +97,45 @@ def test_dragging_orbits():
     assert orbited(flat, 0, 0, 1000).height == pytest.approx(3 / np.e)
     straight = limpid.Camera((0, 3, 1e-3), (0, 0, 0))
     assert np.isfinite(orbited(straight, 10, 10, 0).eye).all()
+
+
+PAGE = """
+const handlers = {}, on = {}, sent = [];
+const image = { style: {}, addEventListener: (name, act) => handlers[name] = act, setPointerCapture() {} };
+globalThis.document = { createElement: () => image };
+const model = { get: () => 1, on: (name, act) => on[name] = act, send: (message) => sent.push(message) };
+URL.createObjectURL = URL.revokeObjectURL = () => {};
+const widget = (await import("./widget.mjs")).default;
+widget.render({ model, el: { append() {} } });
+const drawn = () => on["msg:custom"]();
+handlers.pointerdown({ pointerId: 1 });
+handlers.pointermove({ movementX: 3, movementY: 1 });
+handlers.pointermove({ movementX: 4, movementY: 2 });
+handlers.pointermove({ movementX: 5, movementY: 0 });
+drawn(); drawn();
+handlers.pointerup(); drawn(); drawn();
+handlers.wheel({ deltaY: 10, preventDefault() {} }); drawn();
+handlers.dblclick(); drawn();
+console.log(JSON.stringify(sent.map((m) => [m.right, m.up, m.nearer, m.back, m.coarse])));
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs Node.js")
+def test_the_page_gathers_motion_while_a_picture_is_drawn(tmp_path):
+    from limpid._widget import _SCRIPT
+
+    (tmp_path / "widget.mjs").write_text(_SCRIPT)
+    (tmp_path / "page.mjs").write_text(PAGE)
+    done = subprocess.run(["node", "page.mjs"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == [
+        [3, 1, 0, False, True],
+        [9, 2, 0, False, True],
+        # A fine picture as the mouse is let go.
+        [0, 0, 0, False, False],
+        [0, 0, -10, False, False],
+        [0, 0, 0, True, False],
+    ]
 
 
 def test_without_anywidget_its_installation_is_named(ball, monkeypatch):
