@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy.typing as npt
 
 from ._arrays import Up
-from ._drawing import Request, SceneLike
+from ._drawing import Request, SceneLike, opened
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture, in_notebook
@@ -83,17 +84,21 @@ def view(
     )
     if in_window:
         return opened_window(source, request)
+    drawing = shared()._drawing
+    files = opened(source, request) if isinstance(source, (str, os.PathLike)) else None
     first: list[Picture] = []
 
     def draw(camera: Camera | None, coarse: bool) -> Picture:
-        asked = request
-        if first:
-            # What was made to fit stays as it is.
-            kept = first[0]
-            asked = replace(request, scene=kept.scene, camera=camera, range=request.range or kept.range)
+        asked = request if camera is None else replace(request, camera=camera)
         if coarse:
             asked = replace(asked, size=[(side + 1) // 2 for side in request.size], samples=1)
-        picture = shared()._drawing.picture(source, asked)
+        if files is not None:
+            picture = drawing.frame(files, 0, asked, None, first=not first)
+        else:
+            if first:
+                # What was made to fit stays as it is.
+                asked = replace(asked, scene=first[0].scene, range=request.range or first[0].range)
+            picture = drawing.picture(source, asked)
         first.append(picture)
         del first[1:]
         return picture

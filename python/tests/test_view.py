@@ -165,3 +165,17 @@ def test_the_mouse_turns_a_picture(ball, monkeypatch):
         widget._moved(widget, {"right": None}, [])
     assert len(sent) == 3, "the page may go on"
     assert "export default" in str(widget._esm)
+
+
+def test_the_mouse_turns_files(root, ball):
+    pytest.importorskip("anywidget")
+    path = root / "sims" / "demo.bgeo"
+    widget = limpid.view(path, values="velocity", window=False, size=SMALL)
+    assert np.array_equal(widget.shown.rgba, limpid.render(path, values="velocity", size=SMALL).rgba)
+    first = widget.shown
+    widget._moved(widget, {"right": 90}, [])
+    turned = limpid.render(path, values="velocity", camera=widget.camera, scene=first.scene, size=SMALL)
+    assert widget.shown.camera == turned.camera != first.camera
+    assert limpid.flip(widget.shown, turned)[0] < 0.01
+    with pytest.raises(ValueError, match="several frames"):
+        limpid.view(limpid.frames(path), window=False)
