@@ -71,7 +71,10 @@ class Window(Closing):
         if code > 0:
             self._errors.seek(0)
             lines = self._errors.read().decode(errors="replace").strip().splitlines()
-            raise Error(lines[-1].removeprefix("limpid: ") if lines else f"the window has failed with code {code}")
+            problem = lines[-1].removeprefix("limpid: ") if lines else f"the window has failed with code {code}"
+            if "without its window" in problem:
+                problem = "this limpid was built without its window; build it with: maturin build --features viewer"
+            raise Error(problem)
 
     def close(self) -> None:
         """Closes it."""
