@@ -242,7 +242,7 @@ impl Device {
         tick: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let job = Job {
-            source: Source::Frame(frames.staged.clone(), camera.map(|camera| *camera)),
+            source: Source::Frame(frames.staged.clone(), camera.map(|camera| Box::new(*camera))),
             coloring: None,
             thickness: None,
             frame: frames.numbers[index],
@@ -340,7 +340,7 @@ impl Drawer {
         let staged = match source {
             Source::Frame(staged, camera) => {
                 shared = staged;
-                given = camera;
+                given = camera.map(|camera| *camera);
                 &*shared
             }
             Source::Particles(mut particles, setting) => {

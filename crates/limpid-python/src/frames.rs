@@ -302,5 +302,5 @@ impl Series {
 pub(crate) enum Source {
     Particles(Arc<Particles>, Box<Setting>),
     /// From this camera, in the world of the particles, instead of the scene's.
-    Frame(Arc<Staged>, Option<Camera>),
+    Frame(Arc<Staged>, Option<Box<Camera>>),
 }
