@@ -2,9 +2,10 @@
 # Builds the Python package and runs its tests: the wheel is built in one clean virtual environment and tested in
 # another, which has NumPy and the test tools alone.
 #
-#   scripts/python.sh        the package and its types
-#   scripts/python.sh --all  also fuzzing and memory, PyVista, the notebook and the Blender add-on, with what they need
-#                            from the Python index
+#   scripts/python.sh        the package and its types; FEATURES=viewer for a wheel with the window of `limpid view`
+#   scripts/python.sh --all  of the wheel to publish, small and for glibc 2.28, which takes long to build; also fuzzing
+#                            and memory, PyVista, the notebook and the Blender add-on, with what they need from the
+#                            Python index
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -32,11 +33,28 @@ environment() {
 }
 
 say "building the wheel"
-environment build "maturin>=1.16,<2"
+features=${FEATURES-}
+options=(--release)
+if $all; then
+    options=(--profile wheel)
+    # For systems with glibc 2.28 and newer, as the archives of scripts/release.sh: zig links with an old one.
+    [[ $(uname) == Linux ]] && options+=(--zig --compatibility manylinux_2_28)
+fi
+[[ -z $features ]] || options+=(--features "$features")
+tools=("maturin>=1.16,<2")
+[[ ${options[*]} != *--zig* ]] || tools+=(ziglang)
+environment build "${tools[@]}"
 rm -rf "$folder/wheels"
-(cd python && "$folder/build/bin/maturin" build --release --locked --out "$folder/wheels" --quiet)
+scripts/packaging/licences.py limpid-python $features >python/LICENSE-THIRD-PARTY.txt
+(cd python && PATH="$folder/build/bin:$PATH" "$folder/build/bin/maturin" build --locked --quiet \
+    --out "$folder/wheels" "${options[@]}")
 wheel=$(echo "$folder"/wheels/*.whl)
-say "$(basename "$wheel"): $(du -k "$wheel" | cut -f 1) KiB"
+bytes=$(($(wc -c <"$wheel")))
+say "$(basename "$wheel"): $((bytes / 1000)) kB"
+if $all && ((bytes > 10000000)); then
+    say "the wheel is larger than 10 MB"
+    exit 1
+fi
 
 # Tests import the installed package, not the folder beside them.
 check() {
@@ -54,10 +72,16 @@ check plain --ignore blender
 $all || exit 0
 
 say "fuzzing, memory, PyVista"
-environment full numpy pytest hypothesis pillow psutil pyvista matplotlib nbconvert ipykernel auditwheel twine
+environment full numpy pytest hypothesis pillow psutil pyvista matplotlib nbconvert ipykernel auditwheel twine \
+    anywidget pandas polars OpenEXR "pyright[nodejs]"
 "$folder/full/bin/twine" check --strict "$wheel"
-LIMPID_REQUIRE_PYVISTA=1 check full test_fuzz.py test_memory.py test_vtk.py test_film.py test_render.py
-"$folder/full/bin/auditwheel" show "$wheel" | grep -o 'manylinux_[0-9_a-z]*' | sort -u | head -n 1
+LIMPID_REQUIRE_PYVISTA=1 check full test_fuzz.py test_memory.py test_vtk.py test_film.py \
+    test_render.py test_arrays.py test_view.py test_examples.py
+glibc=$("$folder/full/bin/auditwheel" show "$wheel" | tr '\n' ' ' | grep -o 'platform *tag: *"manylinux_[0-9]*_[0-9]*' | grep -o '[0-9]*$')
+if ((glibc > 28)); then
+    say "the wheel needs glibc 2.$glibc, newer than 2.28"
+    exit 1
+fi
 
 say "the notebook"
 # Its kernel is the `python` of the path.

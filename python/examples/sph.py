@@ -9,13 +9,14 @@ denser than a regular lattice of them. Lengths are in metres, times in seconds, 
 import sys
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import limpid
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[Any]
 Indices = npt.NDArray[np.int64]
 
 RADIUS = 0.02  # of a particle: half the spacing

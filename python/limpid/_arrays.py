@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Sequence, Union
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, Sequence, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from . import _cuda
 # Without types in some versions of NumPy.
 _is_masked: Any = np.ma.is_masked
 
+#: The axis that points up.
 Vector = Union[Sequence[float], "npt.NDArray[Any]"]
 
 
@@ -35,7 +37,7 @@ def plain(name: str, value: Any, expected: str) -> npt.NDArray[Any]:
     refuse_masked(name, value)
     try:
         return as_array(name, value)
-    except _OnDevice:
+    except _Refused:
         raise
     except Exception as error:
         raise ValueError(f"{name}: {_first_line(error)}; expected numbers of shape {expected}") from error
@@ -44,7 +46,7 @@ def plain(name: str, value: Any, expected: str) -> npt.NDArray[Any]:
 def integers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[np.int64]:
     """As `numbers`, of 64-bit integers."""
     refuse_masked(name, value)
-    array = as_array(name, value)
+    array = as_array(name, value, np.int64)
     if array.size == 0:
         array = array.astype(np.int64)
     if array.dtype.kind not in "iu":
@@ -55,36 +57,109 @@ def integers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray
     return np.require(array, np.int64, "A")
 
 
-class _OnDevice(ValueError):
-    """An array in memory of a graphics card that cannot be copied."""
+class _Refused(ValueError):
+    """An array that cannot be read as it is; the text has the line that converts it."""
 
 
 # Kinds of devices of DLPack whose memory the processor reads: its own, and what CUDA and ROCm have pinned.
 _READABLE = (1, 3, 11)
 
 
-def as_array(name: str, value: Any) -> npt.NDArray[Any]:
-    """Convert a value to a NumPy array: arrays that only speak DLPack without a copy, CUDA's by a copy."""
-    if isinstance(value, (np.ndarray, list, tuple)):
+def as_array(name: str, value: Any, kind: type = np.float64) -> npt.NDArray[Any]:
+    """Convert a value to a NumPy array: arrays that only speak DLPack without a copy, CUDA's by a copy, tables with missing
+    numbers as this kind."""
+    if isinstance(value, (list, tuple)):
         return np.asarray(value)
+    if isinstance(value, np.ndarray):
+        return _of_fields(name, value)
     # Checked first: these arrays implement NumPy's protocols only to refuse.
     if _cuda.is_cuda(value):
         try:
             return _cuda.copied(value)
         except _cuda.CudaError as error:
             raise _on_device(name, str(error)) from error
+    if hasattr(value, "detach"):
+        # A tensor of PyTorch, which refuses to be converted while it records gradients.
+        value = value.detach()
     if hasattr(value, "__array_interface__") or hasattr(value, "__array__"):
-        return np.asarray(value)
+        return _of_fields(name, _of_table(name, value, kind))
     if hasattr(value, "__dlpack_device__") and int(value.__dlpack_device__()[0]) not in _READABLE:
         raise _on_device(name, "only CUDA arrays can be read from there")
     if hasattr(value, "__dlpack__"):
         array: npt.NDArray[Any] = np.from_dlpack(value)
         return array
+    if isinstance(value, Iterator):
+        # Not consumed: it may be a simulation.
+        raise _Refused(
+            f"{name} is a {type(value).__name__}; expected an array, as numpy.array(list({name})); limpid.film draws frames"
+        )
+    if isinstance(value, Mapping):
+        keys = [key for key in value if isinstance(key, str)][:3]
+        raise _Refused(
+            f"{name} is a {type(value).__name__}; expected an array, as numpy.stack([{name}[key] for key in {keys}], axis=1)"
+        )
     return np.asarray(value)
 
 
-def _on_device(name: str, why: str) -> _OnDevice:
-    return _OnDevice(
+def _of_table(name: str, value: Any, kind: type) -> npt.NDArray[Any]:
+    """An array of something that NumPy knows how to convert; nullable numbers of pandas are objects to it."""
+    try:
+        array = np.asarray(value)
+    except TypeError as error:
+        if "bfloat16" in str(error).lower():
+            raise _Refused(f"{name} has the dtype bfloat16; expected float32 or float64, as {name}.float()") from None
+        raise
+    if array.dtype.name == "bfloat16":
+        return array.astype(np.float32)
+    is_table = hasattr(value, "to_numpy") and not isinstance(getattr(value, "dtype", None), np.dtype)
+    # Integers with missing ones become floats, which would lose digits.
+    if not is_table or array.dtype.kind != "O" and (kind is np.float64 or array.dtype.kind != "f"):
+        return array
+    missing = {"na_value": np.nan} if kind is np.float64 else {}
+    try:
+        converted: npt.NDArray[Any] = value.to_numpy(dtype=kind, **missing)
+    except (TypeError, ValueError):
+        raise _Refused(_of_other_columns(name, value)) from None
+    return converted
+
+
+def _of_other_columns(name: str, table: Any) -> str:
+    """The text about a table or a column that holds something else than numbers."""
+    columns = [str(column) for column in getattr(table, "columns", ())]
+    if columns:
+        there, way = f"columns {', '.join(columns)}", f'{name}[["x", "y", "z"]].to_numpy("float64")'
+    elif hasattr(table, "fill_null"):
+        there, way = f"dtype {table.dtype} with missing ones", f"{name}.fill_null(-1).to_numpy()"
+    else:
+        there, way = f"dtype {table.dtype} with missing ones", f'{name}.fillna(-1).to_numpy("int64")'
+    return f"{name} has the {there}; expected numbers, as {way}"
+
+
+#: The fields of structured arrays, as of PLY files, that are read as vectors.
+_FIELDS = {
+    "positions": (("x", "y", "z"),),
+    "velocities": (("vx", "vy", "vz"), ("u", "v", "w")),
+    "colors": (("red", "green", "blue"), ("r", "g", "b")),
+}
+
+
+def _of_fields(name: str, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The array, or the vectors of one whose elements have fields."""
+    names = array.dtype.names
+    if names is None:
+        return array
+    for fields in _FIELDS.get(name, ()):
+        if set(fields) <= set(names) and all(array.dtype[field].shape == () for field in fields):
+            return np.stack([array[field] for field in fields], axis=-1)
+    wide = [field for field in names if array.dtype[field].shape]
+    single = f'{name}["{(wide or names)[0]}"]'
+    several = f"numpy.lib.recfunctions.structured_to_unstructured({name}[{list(names[:3])}])"
+    way = several if name in _FIELDS and not wide and len(names) > 2 else single
+    raise _Refused(f"{name} has the fields {', '.join(names)}; expected plain numbers, as {way}")
+
+
+def _on_device(name: str, why: str) -> _Refused:
+    return _Refused(
         f"{name} is in memory of a graphics card, and limpid could not copy it ({why}); copy it to the host first, as "
         f"{name}.cpu(), {name}.numpy() or cupy.asnumpy({name})"
     )
@@ -151,7 +226,7 @@ def placed(places: npt.NDArray[Any]) -> npt.NDArray[np.bool_] | None:
     if not places.size or (places.min() > -1e18 and places.max() < 1e18):
         return None
     with np.errstate(invalid="ignore"):
-        there: npt.NDArray[np.bool_] = (np.abs(places) < 1e18).all(axis=1)
+        there: npt.NDArray[np.bool_] = np.asarray((np.abs(places) < 1e18).all(axis=1))
     return there if 2 * np.count_nonzero(there) >= len(there) else None
 
 
@@ -214,10 +289,10 @@ def vector(name: str, value: Any, count: int = 3) -> list[float]:
     return [float(x) for x in array]
 
 
-def up_of(up: Any) -> str | None:
+def up_of(up: Any) -> Literal["y", "z"] | None:
     """The axis that points up."""
     if up is None or isinstance(up, str) and up in ("y", "z"):
-        return up
+        return up  # type: ignore[return-value]
     raise ValueError(f'up is {up!r}; expected "y" or "z"')
 
 

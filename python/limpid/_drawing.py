@@ -7,7 +7,8 @@ import os
 import re
 import sys
 import weakref
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Union
 
 import numpy as np
@@ -15,8 +16,9 @@ import numpy.typing as npt
 
 from . import _limpid
 from ._arrays import particle_arrays, placed, radius_of, samples_of, size_of, up_of
-from ._coloring import coloring
-from ._errors import warn
+from ._coloring import coloring, colormap_of, range_of
+from ._errors import Cancelled, warn
+from ._frames import Frames
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture
@@ -25,7 +27,133 @@ from ._world import PathLike, Up
 
 SceneLike = Union[Scene, PathLike, Mapping[str, Any]]
 
+#: Is told the number of pictures that are done, and of all if it is known; stops the work if it returns False.
+Progress = Callable[[int, Union[int, None]], object]
+Tick = Callable[[], None]
+
+
+@dataclass(eq=False, kw_only=True)
+class Request:
+    """What is asked of a picture, apart from the positions: see `Renderer.render`.
+
+    The arrays are checked with the positions, all else here.
+    """
+
+    radius: npt.ArrayLike | None = None
+    velocities: npt.ArrayLike | None = None
+    ids: npt.ArrayLike | None = None
+    ellipsoids: npt.ArrayLike | None = None
+    colors: npt.ArrayLike | None = None
+    values: npt.ArrayLike | str | None = None
+    colormap: str | None = None
+    range: Any = None
+    scene: Any = None
+    camera: Camera | None = None
+    size: Any = (1024, 768)
+    samples: int | None = None
+    aovs: Any = ()
+    alpha: bool = False
+    up: Up = None
+    frame: int | None = None
+
+    def __post_init__(self) -> None:
+        self.colormap = colormap_of(self.colormap)
+        own_range = range_of(self.range)
+        if not isinstance(self.range, str):
+            # "auto" is more than none: it replaces the scene's.
+            self.range = own_range
+        self.scene = scene_of(self.scene)
+        if self.camera is not None and not isinstance(self.camera, Camera):
+            raise ValueError(f"camera is {self.camera!r}; expected a limpid.Camera")
+        self.size = size_of(self.size)
+        self.samples = samples_of(self.samples)
+        self.aovs = _names(self.aovs)
+        self.alpha = bool(self.alpha)
+        self.up = up_of(self.up)
+        frame = self.frame
+        if frame is None:
+            return
+        if isinstance(frame, bool) or not isinstance(frame, (int, np.integer)):
+            raise ValueError(f"frame is {frame!r}; expected a whole number")
+        if not -(2**62) < frame < 2**62:
+            raise ValueError(f"frame is {frame}; expected a number between -2**62 and 2**62")
+        self.frame = int(frame)
+
+    @property
+    def shows_values(self) -> bool:
+        """Whether it says how values are shown."""
+        return self.colormap is not None or range_of(self.range) is not None
+
+    def of(self, own: Particles) -> Request:
+        """This, with what the particles have and nothing else was given for."""
+        colors, values = self.colors, self.values
+        if colors is None and values is None:
+            colors, values = own.colors, own.values
+        radius = self.radius
+        if radius is None:
+            radius = own.radius if own.radii is None else own.radii
+        return replace(
+            self,
+            velocities=own.velocities if self.velocities is None else self.velocities,
+            ellipsoids=own.ellipsoids if self.ellipsoids is None else self.ellipsoids,
+            ids=own.ids if self.ids is None else self.ids,
+            colors=colors,
+            values=values,
+            radius=radius,
+        )
+
+
 _open: weakref.WeakSet[Drawing] = weakref.WeakSet()
+
+
+def opened(source: PathLike, request: Request) -> _limpid.Frames:
+    """Files, opened to be drawn."""
+    for name in ("velocities", "ids", "ellipsoids", "colors"):
+        if getattr(request, name) is not None:
+            raise ValueError(f"{name} is given, and files have their own; limpid.frames reads others, by its map")
+    value, radii = radius_of(request.radius)
+    if radii is not None:
+        raise ValueError("radius is an array; files take one radius")
+    values, scene = request.values, request.scene
+    if values is not None and not isinstance(values, str):
+        raise ValueError('values is an array; of files, name an attribute, as values="velocity"')
+    if request.shows_values and values is None and scene is None:
+        raise ValueError('colormap and range show values; name an attribute of the files, as values="velocity"')
+    opening = {
+        "project": None if scene is None else scene._project,
+        "camera": request.camera,
+        "up": request.up,
+        "radius": value,
+        "samples": request.samples,
+        "size": request.size,
+        "alpha": request.alpha,
+        "motion": not {"motion", "all"}.isdisjoint(request.aovs),
+        "values": values,
+        "colormap": request.colormap,
+        "range": range_of(request.range),
+        "automatic": isinstance(request.range, str),
+    }
+    return _limpid.Frames.open(os.fspath(source), opening)
+
+
+def ticking(progress: Progress | None, done: int, total: int | None) -> Tick | None:
+    """What is called while a picture is drawn, for a user's function."""
+    if progress is None:
+        return None
+    told = progress
+
+    def tick() -> None:
+        if told(done, total) is False:
+            raise Cancelled("progress has returned False: drawing was stopped")
+
+    return tick
+
+
+def progress_of(progress: Any) -> Progress | None:
+    """A function that is told how far the work is."""
+    if progress is None or callable(progress):
+        return progress  # type: ignore[no-any-return]
+    raise ValueError(f"progress is {progress!r}; expected a function of (done, total)")
 
 
 class Drawing:
@@ -50,88 +178,86 @@ class Drawing:
         self._device.close()
 
     def picture(
-        self, positions: npt.ArrayLike | Particles, *, alpha: bool = False, **others: Any
+        self,
+        positions: npt.ArrayLike | Particles | PathLike,
+        request: Request,
+        tick: Tick | None = None,
     ) -> Picture:
-        """A picture of particles: see `Renderer.render`."""
-        drawn, scene = self._drawn(positions, alpha=alpha, **others)
-        picture = Picture(drawn, scene, bool(alpha))
-        self._known = (scene, picture.scene)
+        """A picture of particles, or of a frame of files."""
+        if isinstance(positions, (str, os.PathLike)):
+            return self._file(positions, request, tick)
+        drawn = self._drawn(positions, request, tick=tick)
+        picture = Picture(drawn, request.scene, request.alpha)
+        self._known = (request.scene, picture.scene)
         self._warn(drawn["notices"])
         return picture
 
     def views(
-        self, positions: npt.ArrayLike | Particles, views: Sequence[Camera], **others: Any
+        self,
+        positions: npt.ArrayLike | Particles,
+        cameras: Sequence[Camera],
+        request: Request,
+        tick: Tick | None,
     ) -> npt.NDArray[np.uint8]:
         """Pictures of particles from several cameras: see `Renderer.render_views`."""
-        drawn, scene = self._drawn(positions, camera=views[0], views=views, **others)
-        self._known = (scene, scene)
+        drawn = self._drawn(positions, replace(request, camera=cameras[0]), cameras, tick)
+        self._known = (request.scene,)
         self._warn(drawn["notices"])
         pictures: npt.NDArray[np.uint8] = drawn["rgba"]
         return pictures
 
     def frame(
-        self, frames: _limpid.Frames, number: int, size: tuple[int, int], scene: Scene | None
+        self, frames: _limpid.Frames, index: int, request: Request, tick: Tick | None, *, first: bool
     ) -> Picture:
-        """The picture of one of several files, which are a series."""
-        drawn = self._device.draw_frame(frames, number, size, number > 0)
-        if number == 0:
+        """The picture of a frame of files; if it is not the `first`, of one more of a series."""
+        camera, size, aovs = request.camera, request.size, request.aovs
+        drawn = self._device.draw_frame(frames, index, camera, size, aovs, not first, tick)
+        if first:
             self._known = ()
             self._issued.clear()
         self._warn(drawn["notices"])
-        return Picture(drawn, scene, False)
+        return Picture(drawn, request.scene, request.alpha)
+
+    def _file(self, path: PathLike, request: Request, tick: Tick | None) -> Picture:
+        frames = opened(path, request)
+        numbers = frames.numbers
+        number = numbers[0] if request.frame is None else request.frame
+        if number not in numbers:
+            raise ValueError(f"frame is {number}; {os.fspath(path)!s} has {_listed(numbers)}")
+        return self.frame(frames, numbers.index(number), request, tick, first=True)
 
     def _drawn(
         self,
         positions: npt.ArrayLike | Particles,
-        *,
-        radius: npt.ArrayLike | None = None,
-        velocities: npt.ArrayLike | None = None,
-        ids: npt.ArrayLike | None = None,
-        ellipsoids: npt.ArrayLike | None = None,
-        colors: npt.ArrayLike | None = None,
-        values: npt.ArrayLike | None = None,
-        colormap: str | None = None,
-        range: Sequence[float] | str | None = None,
-        scene: SceneLike | None = None,
-        camera: Camera | None = None,
-        size: Sequence[int] = (1024, 768),
-        samples: int | None = None,
-        aovs: Iterable[str] = (),
-        alpha: bool = False,
-        up: Up = None,
-        frame: int = 0,
+        request: Request,
         views: Sequence[Camera] = (),
-    ) -> tuple[dict[str, Any], Scene | None]:
-        """Draw the particles. Returns the device's results, and the scene that was given."""
+        tick: Tick | None = None,
+    ) -> dict[str, Any]:
+        """Draws the particles. Returns the device's results."""
         if isinstance(positions, Particles):
-            own = positions
-            velocities = own.velocities if velocities is None else velocities
-            ellipsoids = own.ellipsoids if ellipsoids is None else ellipsoids
-            ids = own.ids if ids is None else ids
-            if colors is None and values is None:
-                colors, values = own.colors, own.values
-            if radius is None:
-                radius = own.radius if own.radii is None else own.radii
-            positions = own.positions
-        value, radii = radius_of(radius)
+            request, positions = request.of(positions), positions.positions
+        if isinstance(positions, Frames):
+            raise ValueError("positions is several frames; draw one, as positions[0], or limpid.film(positions)")
+        if isinstance(request.values, str):
+            raise ValueError(f"values is {request.values!r}; names are for files, give an array")
+        value, radii = radius_of(request.radius)
         arrays = particle_arrays(
-            positions, velocities=velocities, radii=radii, ids=ids, ellipsoids=ellipsoids
+            positions,
+            velocities=request.velocities,
+            radii=radii,
+            ids=request.ids,
+            ellipsoids=request.ellipsoids,
         )
         places = arrays["positions"]
         assert places is not None
         kept = placed(places)
-        colored = coloring(colors, values, colormap, range, len(places), kept)
+        colored = coloring(
+            request.colors, request.values, request.colormap, request.range, len(places), kept
+        )
         if kept is not None:
             arrays = {name: None if array is None else array[kept] for name, array in arrays.items()}
-        scene = scene_of(scene)
-        if camera is not None and not isinstance(camera, Camera):
-            raise ValueError(f"camera is {camera!r}; expected a limpid.Camera")
-        names = _names(aovs)
-        if isinstance(frame, bool) or not isinstance(frame, (int, np.integer)):
-            raise ValueError(f"frame is {frame!r}; expected a whole number")
-        if not -(2**62) < frame < 2**62:
-            raise ValueError(f"frame is {frame}; expected a number between -2**62 and 2**62")
         # A scene is checked once, not for each picture of a series.
+        scene = request.scene
         described = scene is not None and any(scene is known for known in self._known)
         if not described:
             self._issued.clear()
@@ -139,16 +265,17 @@ class Drawing:
             arrays,
             colored,
             None if scene is None else scene._project,
-            camera,
-            up_of(up),
+            request.camera,
+            request.up,
             value,
-            int(frame),
-            size_of(size),
-            samples_of(samples),
-            names,
-            bool(alpha),
+            request.frame or 0,
+            request.size,
+            request.samples,
+            request.aovs,
+            request.alpha,
             views,
             described,
+            tick,
         )
         if kept is not None:
             lost, first = np.count_nonzero(~kept), np.argmin(kept)
@@ -157,7 +284,7 @@ class Drawing:
                 f"(the first: particle {first})"
             )
             drawn["notices"].insert(0, notice)
-        return drawn, scene
+        return drawn
 
     def _warn(self, notices: list[str]) -> None:
         """Warns of what was not yet said, whatever its numbers, about the series."""
@@ -185,6 +312,12 @@ def _names(aovs: Any) -> list[str]:
         return [str(name).strip() for name in aovs]
     except TypeError:
         raise ValueError(f"aovs is {aovs!r}; expected names of images") from None
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    if len(numbers) == 1:
+        return f"frame {numbers[0]} alone"
+    return f"{len(numbers)} frames, {numbers[0]} to {numbers[-1]}"
 
 
 def _finish() -> None:

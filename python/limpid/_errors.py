@@ -27,6 +27,10 @@ class DeviceLost(Error):
     """The graphics device failed. The next picture opens it anew."""
 
 
+class Cancelled(Error):
+    """The function given as ``progress`` has returned ``False``."""
+
+
 class LimpidWarning(UserWarning):
     """A likely reason for an unexpected picture: a wrong unit, particles outside the picture."""
 

@@ -2,116 +2,161 @@
 
 from __future__ import annotations
 
+import base64
+import errno
+import html
 import os
+import shutil
+import tempfile
 import threading
-from collections.abc import Iterable, Iterator, Sequence, Sized
+import weakref
+from collections.abc import Iterable, Iterator, Sized
+from dataclasses import replace
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from . import _limpid
-from ._arrays import radius_of, samples_of, size_of, up_of
 from ._closing import Closing
-from ._coloring import colormap_of, range_of
-from ._drawing import Drawing, SceneLike, scene_of
+from ._drawing import Drawing, Progress, Request, opened, ticking
+from ._errors import Cancelled
+from ._frames import Frames
 from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Picture, title_of
-from ._world import PathLike, Up
+from ._world import PathLike
+
+#: The largest film that a notebook holds, bytes: it stores films in its file.
+_LARGEST = 32 << 20
+
+_KINDS = {".mp4": "video/mp4", ".webm": "video/webm", ".gif": "image/gif", ".apng": "image/apng"}
+
+_PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".exr")
 
 
 class Film(Closing, Iterator[Picture]):
-    """The pictures of a film that is being written: see `Renderer.film`."""
+    """The pictures of a film that is being written: see `Renderer.film`.
+
+    Notebooks draw it to its end and play it.
+
+    Attributes
+    ----------
+    path : str
+        The film, or the pattern or folder of its pictures.
+    """
+
+    path: str
 
     def __init__(
         self,
         drawing: Drawing,
         source: Iterable[Any] | PathLike,
-        path: PathLike,
+        path: PathLike | None,
+        request: Request,
         *,
-        fps: float | None,
-        radius: npt.ArrayLike | None,
-        colormap: str | None,
-        range: Sequence[float] | str | None,
-        legend: bool | str,
-        scene: SceneLike | None,
         camera: Camera | Iterable[Camera] | None,
-        size: Sequence[int],
-        samples: int | None,
-        up: Up,
+        given: dict[str, Any],
+        fps: float | None,
+        legend: bool | str,
+        progress: Progress | None,
     ) -> None:
         self._drawing = drawing
-        self._size = size_of(size)
-        self._samples = samples_of(samples)
-        self._scene = scene_of(scene)
-        self._radius = radius
-        self._colormap = colormap_of(colormap)
-        self._range = range_of(range)
-        self._shows_values = self._colormap is not None or self._range is not None
+        self._request = request
+        self._progress = progress
+        self._shows_values = request.shows_values
         if isinstance(legend, (bool, np.bool_)):
             self._legend, self._title = bool(legend), None
         else:
             title_of(legend)
             self._legend, self._title = True, legend
-        self._up = up_of(up)
-        self._number = 0
+        self._done = 0
         self._settled = False
         self._busy = threading.Lock()
-        self._cameras: Iterator[Camera] | None = None
-        self._camera: Camera | None = None
-        if camera is None or isinstance(camera, Camera):
-            self._camera = camera
-        else:
-            try:
-                self._cameras = iter(camera)
-            except TypeError:
-                raise ValueError(f"camera is {camera!r}; expected one Camera, or a list") from None
-        self._frames: _limpid.Frames | None = None
-        self._particles: Iterator[Any] | None = None
         self._count: int | None = None
-        own_fps: float | None = None
-        if isinstance(source, (str, os.PathLike)):
-            if self._cameras is not None:
-                raise ValueError("camera is a list; files take one camera")
-            if self._shows_values:
-                raise ValueError(
-                    "colormap and range show values of Particles; for files, give a scene with color_by"
-                )
-            value, radii = radius_of(radius)
-            if radii is not None:
-                raise ValueError("radius is an array; files take one radius")
-            project = None if self._scene is None else self._scene._project
-            self._frames = _limpid.Frames.open(
-                os.fspath(source),
-                project,
-                self._camera,
-                self._up,
-                value,
-                self._samples,
-                self._size,
-            )
-            self._count = len(self._frames)
-            own_fps = self._frames.fps
+        given = {name: values for name, values in given.items() if values is not None}
+        # What each picture has of its own, apart from the particles.
+        self._own: dict[str, Iterator[Any]] = {}
+        if camera is None or isinstance(camera, Camera):
+            self._request = replace(request, camera=camera)
         else:
-            if isinstance(source, Particles) or getattr(source, "ndim", 3) == 2:
-                raise ValueError("source is one frame; expected frames, as [positions, ...]")
-            if isinstance(source, Sized):
-                self._count = len(source)
-            own_fps = getattr(source, "fps", None)
-            try:
-                self._particles = iter(source)
-            except TypeError:
-                raise ValueError(f"source is {source!r}; expected a path, or frames") from None
+            self._own["camera"] = _each("camera", camera)
+        self._frames: _limpid.Frames | None = None
+        self._particles: Iterator[Any] = iter(())
+        # Whether one frame is seen by several cameras.
+        self._stands = False
+        self._numbers: list[int] | None = None
+        if isinstance(source, (str, os.PathLike)):
+            own_fps = self._open(source, given)
+        else:
+            own_fps = self._take(source, given)
+        if self._stands:
+            # One picture for each camera.
+            self._count = len(camera) if isinstance(camera, Sized) else None
+            self._numbers = None
         rate = fps if fps is not None else own_fps if own_fps is not None else 30.0
         try:
             rate = float(rate)
         except (TypeError, ValueError):
-            given = own_fps if fps is None else fps
-            raise ValueError(f"fps is {given!r}; expected pictures per second") from None
-        self._file: _limpid.FilmFile | None = _limpid.FilmFile(
-            os.fspath(path), self._size[0], self._size[1], rate
-        )
+            wrong = own_fps if fps is None else fps
+            raise ValueError(f"fps is {wrong!r}; expected pictures per second") from None
+        self._file: _Video | _Pictures | None = self._output(path, rate)
+        self.path = self._file.path
+
+    def _open(self, source: PathLike, given: dict[str, Any]) -> float | None:
+        """Opens files; returns their rate."""
+        if given:
+            # Refuses all but names.
+            self._request = replace(self._request, **given)
+        request = self._request
+        if "camera" in self._own:
+            # What is made to fit is made for the first camera.
+            first = next(self._own["camera"], None)
+            if first is None:
+                raise ValueError("camera has no entries")
+            request = replace(request, camera=_camera(first))
+            self._own["camera"] = chain([first], self._own["camera"])
+        frames = self._frames = opened(source, request)
+        self._numbers, self._count = frames.numbers, len(frames)
+        self._stands = "camera" in self._own and len(frames) == 1
+        return frames.fps
+
+    def _take(self, source: Any, given: dict[str, Any]) -> float | None:
+        """Takes frames of the caller; returns their rate."""
+        if isinstance(values := given.get("values"), str):
+            raise ValueError(f"values is {values!r}; names are for files: film a path, or limpid.frames(..., values=...)")
+        if isinstance(source, Particles) or getattr(source, "ndim", 3) == 2:
+            if "camera" not in self._own:
+                raise ValueError("source is one frame; expected frames, as [positions, ...], or a list of cameras")
+            self._stands = True
+            self._particles = repeat(source)
+            self._request = replace(self._request, **given)
+            return None
+        self._own.update({name: _each(name, values) for name, values in given.items()})
+        self._count = len(source) if isinstance(source, Sized) else None
+        self._numbers = source.numbers if isinstance(source, Frames) else None
+        try:
+            self._particles = iter(source)
+        except TypeError:
+            raise ValueError(f"source is {source!r}; expected a path, or frames") from None
+        rate: float | None = getattr(source, "fps", None)
+        return rate
+
+    def _output(self, path: PathLike | None, fps: float) -> _Video | _Pictures:
+        """What the pictures are written to."""
+        size = self._request.size
+        if path is None:
+            folder = tempfile.mkdtemp(prefix="limpid-")
+            self._folder = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+            is_even = size[0] % 2 == size[1] % 2 == 0
+            kind = "mp4" if is_even and shutil.which("ffmpeg") else "gif" if fps <= 50 else "apng"
+            path = os.path.join(folder, f"film.{kind}")
+        name = os.fsdecode(os.fspath(path))
+        if name.endswith(("/", os.sep)) or os.path.isdir(name) or name.lower().endswith(_PICTURES):
+            return _Pictures(name, self._numbers)
+        if self._request.alpha:
+            raise ValueError('alpha is given, and films have no coverage; write pictures, as "####.png"')
+        return _Video(name, size, fps)
 
     def __len__(self) -> int:
         if self._count is None:
@@ -129,7 +174,12 @@ class Film(Closing, Iterator[Picture]):
             if file is None:
                 raise StopIteration
             try:
-                return self._draw(file)
+                picture = self._draw()
+                file.push(picture)
+                self._done += 1
+                if self._progress is not None and self._progress(self._done, self._count) is False:
+                    raise Cancelled("progress has returned False: the film was stopped")
+                return picture
             except StopIteration:
                 self._file = None
                 file.finish()
@@ -146,7 +196,7 @@ class Film(Closing, Iterator[Picture]):
             pass
 
     def close(self) -> None:
-        """Removes the film, unless it is complete."""
+        """Removes the film, unless it is complete. Pictures with files of their own stay."""
         if self._file is not None:
             file, self._file = self._file, None
             file.abandon()
@@ -155,49 +205,127 @@ class Film(Closing, Iterator[Picture]):
         if getattr(self, "_file", None) is not None:
             self.close()
 
-    def _draw(self, file: _limpid.FilmFile) -> Picture:
-        number = self._number
-        if self._frames is not None:
-            if number == len(self._frames):
+    def __repr__(self) -> str:
+        state = "complete" if self._file is None else f"{self._done} of {self._count or 'some'} pictures drawn"
+        return f"<limpid.Film {self.path!r}, {state}>"
+
+    def _repr_html_(self) -> str:
+        self.run()
+        kind = _KINDS.get(os.path.splitext(self.path)[1].lower())
+        name = html.escape(self.path)
+        if kind is None or not os.path.isfile(self.path):
+            return f"{self._done} pictures: <code>{name}</code>"
+        size = os.path.getsize(self.path)
+        if size > _LARGEST:
+            return f"<code>{name}</code>: {size >> 20} MiB are too many for a notebook; draw smaller pictures"
+        with open(self.path, "rb") as file:
+            data = f"data:{kind};base64,{base64.b64encode(file.read()).decode()}"
+        if kind.startswith("image"):
+            return f'<img src="{data}" width="{self._request.size[0]}">'
+        return f'<video src="{data}" width="{self._request.size[0]}" controls autoplay loop muted playsinline></video>'
+
+    def _draw(self) -> Picture:
+        done, frames = self._done, self._frames
+        tick = ticking(self._progress, done, self._count)
+        if frames is not None:
+            index = 0 if self._stands else done
+            if index == len(frames):
                 raise StopIteration
-            picture = self._drawing.frame(self._frames, number, self._size, self._scene)
-        else:
-            assert self._particles is not None
-            positions = next(self._particles)
-            camera = self._camera
-            if self._cameras is not None:
-                camera = next(self._cameras, None)
-                if camera is None:
-                    raise ValueError(f"camera has {number} entries, and there are more frames")
-                if not isinstance(camera, Camera):
-                    raise ValueError(f"camera has {camera!r}; expected a limpid.Camera")
-            # Emitters begin without particles, and perhaps without values.
-            has_values = isinstance(positions, Particles) and positions.values is not None
-            picture = self._drawing.picture(
-                positions,
-                radius=self._radius,
-                colormap=self._colormap if has_values else None,
-                range=self._range if has_values else None,
-                scene=self._scene,
-                camera=camera,
-                size=self._size,
-                samples=self._samples,
-                up=self._up,
-                frame=number,
-            )
-            if not self._settled and picture.particles > 0:
-                self._settle(picture)
-            self._scene = picture.scene
-        if self._legend and picture.particles > 0:
-            picture = picture.legend(self._title)
-        file.push(picture.rgba)
-        self._number += 1
-        return picture
+            request = replace(self._request, **self._next())
+            return self._labelled(self._drawing.frame(frames, index, request, tick, first=done == 0))
+        positions = next(self._particles)
+        frame = 0 if self._stands else done if self._numbers is None else self._numbers[done]
+        request = replace(self._request, frame=frame, **self._next())
+        # Emitters begin without particles, and perhaps without values.
+        own = positions.values if isinstance(positions, Particles) else None
+        has_values = request.values is not None or own is not None
+        if not has_values:
+            request = replace(request, colormap=None, range=None)
+        picture = self._drawing.picture(positions, request, tick)
+        if not self._settled and picture.particles > 0:
+            self._settle(picture)
+        self._keep(picture)
+        return self._labelled(picture)
+
+    def _next(self) -> dict[str, Any]:
+        """What the next picture has of its own."""
+        own = {}
+        for name, values in self._own.items():
+            try:
+                own[name] = next(values)
+            except StopIteration:
+                if self._stands:
+                    raise
+                raise ValueError(f"{name} has {self._done} entries, and there are more frames") from None
+        if "camera" in own:
+            _camera(own["camera"])
+        return own
+
+    def _labelled(self, picture: Picture) -> Picture:
+        return picture.legend(self._title) if self._legend and picture.particles > 0 else picture
+
+    def _keep(self, picture: Picture) -> None:
+        """Keeps the scene, which has everything that was guessed; the range is that of the first values that differ."""
+        given = self._request.range
+        kept = None if isinstance(given, str) and picture.range is not None else given
+        self._request = replace(self._request, scene=picture.scene, range=kept)
 
     def _settle(self, picture: Picture) -> None:
         """Checks the first frame with particles, whose scene has what was made to fit it."""
         self._settled = True
-        if self._shows_values and picture.colormap is None:
-            raise ValueError("colormap and range show values; give frames as Particles with values")
         # The scene has the axis.
-        self._up = None
+        self._request = replace(self._request, up=None)
+        if self._shows_values and picture.colormap is None:
+            raise ValueError("colormap and range show values; give values, or frames as Particles with values")
+
+
+class _Video:
+    """A film in one file."""
+
+    def __init__(self, path: str, size: tuple[int, int], fps: float) -> None:
+        self.path = path
+        self._file = _limpid.FilmFile(path, size[0], size[1], fps)
+        self.finish = self._file.finish
+        self.abandon = self._file.abandon
+
+    def push(self, picture: Picture) -> None:
+        self._file.push(picture.rgba)
+
+
+class _Pictures:
+    """A film as pictures with files of their own, of these numbers or from 0."""
+
+    def __init__(self, path: str, numbers: list[int] | None) -> None:
+        self.path = path
+        self._numbers = numbers
+        self._done = 0
+        folder = os.path.dirname(os.fspath(_limpid.numbered(path, 0))) or "."
+        if not os.path.isdir(folder):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), folder)
+
+    def push(self, picture: Picture) -> None:
+        number = self._done if self._numbers is None else self._numbers[self._done]
+        picture.save(_limpid.numbered(self.path, number))
+        self._done += 1
+
+    def finish(self) -> None:
+        if self._done == 0:
+            raise ValueError(f"{self.path}: a film without pictures")
+
+    def abandon(self) -> None:
+        """Each picture is whole: they stay."""
+
+
+def _each(name: str, values: Any) -> Iterator[Any]:
+    """One of the values for each picture."""
+    try:
+        return iter(values)
+    except TypeError:
+        expected = "one Camera, or a list" if name == "camera" else "one array for each frame"
+        raise ValueError(f"{name} is {values!r}; expected {expected}") from None
+
+
+def _camera(camera: Any) -> Camera:
+    if not isinstance(camera, Camera):
+        raise ValueError(f"camera has {camera!r}; expected a limpid.Camera")
+    return camera

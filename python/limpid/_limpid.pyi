@@ -1,7 +1,7 @@
 """The native half of limpid: `limpid` wraps it, and other programs should not call it."""
 
 from os import PathLike
-from typing import Any, Sequence, final
+from typing import Any, Callable, Sequence, final
 
 import numpy as np
 import numpy.typing as npt
@@ -234,26 +234,48 @@ class Device:
         alpha: bool,
         views: Sequence[Camera],
         described: bool,
+        tick: Callable[[], object] | None,
     ) -> dict[str, Any]: ...
     def draw_frame(
-        self, frames: Frames, index: int, size: tuple[int, int], described: bool
+        self,
+        frames: Frames,
+        index: int,
+        camera: Camera | None,
+        size: tuple[int, int],
+        aovs: Sequence[str],
+        described: bool,
+        tick: Callable[[], object] | None,
     ) -> dict[str, Any]: ...
 
 @final
 class Frames:
     @staticmethod
-    def open(
-        source: _Path,
-        project: Project | None,
-        camera: Camera | None,
-        up: str | None,
-        radius: float | None,
-        samples: int | None,
-        size: tuple[int, int],
-    ) -> Frames: ...
+    def open(source: _Path, opening: dict[str, Any]) -> Frames: ...
     def __len__(self, /) -> int: ...
     @property
+    def numbers(self) -> list[int]: ...
+    @property
     def fps(self) -> float | None: ...
+
+@final
+class Series:
+    @staticmethod
+    def open(
+        source: _Path,
+        map: str | None,
+        select: str | None,
+        skip_invalid: bool,
+        up: str | None,
+        scale: float | None,
+        values: str | None,
+    ) -> Series: ...
+    @property
+    def numbers(self) -> list[int]: ...
+    @property
+    def radius(self) -> float | None: ...
+    @property
+    def fps(self) -> float | None: ...
+    def read(self, index: int) -> tuple[dict[str, Any], list[str]]: ...
 
 @final
 class FilmFile:
@@ -285,12 +307,8 @@ def colormap(name: str) -> str: ...
 def legend(
     rgba: npt.NDArray[np.uint8], scale: tuple[str, str, str, tuple[float, float]]
 ) -> npt.NDArray[np.uint8]: ...
-def png(rgba: npt.NDArray[np.uint8], alpha: bool) -> bytes: ...
-def save(
-    path: _Path,
-    rgba: npt.NDArray[np.uint8],
-    alpha: bool,
-    radiance: npt.NDArray[np.float32] | None,
-) -> None: ...
+def encode(extension: str, pixels: dict[str, Any]) -> bytes: ...
+def save(path: _Path, extension: str, pixels: dict[str, Any]) -> None: ...
+def numbered(output: _Path, number: int) -> PathLike[str]: ...
 def finish(by_signal: bool) -> None: ...
 def main(arguments: Sequence[str]) -> int: ...

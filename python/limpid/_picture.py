@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
+import importlib
 import os
-from typing import Any, Union
+import shutil
+import subprocess
+import sys
+import tempfile
+from typing import IO, Any, Literal, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +19,44 @@ from ._errors import Error
 from ._limpid import Camera
 from ._scene import Scene
 from ._world import PathLike
+
+#: The names of intermediate images: those of the picture, and of its layers.
+Aov = Union[
+    Literal[
+        "all",
+        "depth",
+        "normal",
+        "motion",
+        "coverage",
+        "mask",
+        "value",
+        "smooth_depth",
+        "smooth_normal",
+        "solid_depth",
+        "radiance",
+        "interfaces",
+        "inside",
+        "iterations",
+        "failures",
+        "caustics",
+    ],
+    Literal[
+        "front.depth",
+        "front.normal",
+        "front.smooth_depth",
+        "front.smooth_normal",
+        "back.depth",
+        "back.normal",
+        "back.smooth_depth",
+        "back.smooth_normal",
+        "splash_front.depth",
+        "splash_front.normal",
+        "splash_back.depth",
+        "splash_back.normal",
+    ],
+]
+
+_FORMATS = ("png", "jpg", "jpeg", "webp", "exr")
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -31,7 +75,7 @@ class Images(dict[str, npt.NDArray[np.float32]]):
 class Picture:
     """A picture of particles.
 
-    ``numpy.asarray(picture)`` is `rgba`; notebooks show it.
+    ``numpy.asarray(picture)`` is `rgba`, and so it is for libraries that take arrays; notebooks show it.
 
     Attributes
     ----------
@@ -98,7 +142,8 @@ class Picture:
         """Linear radiance before exposure and tone curve, W/(m² sr), of shape (height, width, 3);
         with ``alpha=True`` (height, width, 4), the colours multiplied by the coverage.
 
-        It stays on the device until it is asked for, and until four more pictures were drawn.
+        It stays on the device until it is asked for, and until four more pictures were drawn; with
+        ``keep_radiance=True`` it is read at once.
 
         Raises
         ------
@@ -110,14 +155,29 @@ class Picture:
             self._pending = None
         if self._radiance is None:
             raise Error(
-                "the radiance of this picture is not kept any more: ask for it before four more are drawn"
+                "the radiance of this picture is not kept any more: ask for it before four more are drawn, or render "
+                "with keep_radiance=True"
             )
         return self._radiance
 
-    def save(self, path: PathLike) -> None:
-        """Writes the picture: .png, .jpg, .webp, or .exr for its radiance.
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of `rgba`: height, width, 4."""
+        return self.rgba.shape
 
-        The file is written whole or not at all. A .jpg holds no coverage.
+    def save(self, file: PathLike | IO[bytes], format: str | None = None) -> None:
+        """Writes the picture: .png, .jpg, .webp, or .exr for its radiance with the images of `aov`.
+
+        The file is written whole or not at all. A .jpg holds no coverage. An .exr has the channels R, G, B (and A), and
+        those of the images, named as by the program: ``depth.Z``, ``normal.X`` and so on; caustics are parts of their own.
+
+        Parameters
+        ----------
+        file : path or file object
+            Where it is written to; a file object must be open for bytes.
+        format : str, optional
+            ``"png"``, ``"jpg"``, ``"webp"`` or ``"exr"``; by default the extension of the path, and of file objects
+            without a name ``"png"``.
 
         Raises
         ------
@@ -126,10 +186,50 @@ class Picture:
         OSError
             If the file cannot be written.
         """
-        name = os.fspath(path)
+        write = getattr(file, "write", None)
+        name = getattr(file, "name", None) if write else os.fspath(file)  # type: ignore[arg-type]
+        if format is None:
+            named = isinstance(name, (str, bytes))
+            format = os.path.splitext(os.fsdecode(name))[1] if named else "png"  # type: ignore[arg-type]
+        if not isinstance(format, str):
+            raise ValueError(f'format is {format!r}; expected "png", "jpg", "webp" or "exr"')
+        extension = format.lower().lstrip(".")
+        if extension not in _FORMATS and write is None and _is_device(name):
+            extension = "png"
+        if extension not in _FORMATS:
+            raise ValueError(f"{name or format}: a picture ends in .png, .jpg, .webp or .exr")
+        if write is None:
+            _limpid.save(name, extension, self._pixels(extension))  # type: ignore[arg-type]
+        else:
+            write(_limpid.encode(extension, self._pixels(extension)))
+
+    def to_pil(self) -> Any:
+        """The picture as a ``PIL.Image.Image``, with alpha if it was drawn with ``alpha=True``. Needs Pillow."""
+        try:
+            pil: Any = importlib.import_module("PIL.Image")
+        except ImportError:
+            raise ImportError("to_pil needs Pillow: pip install pillow") from None
         self._check()
-        radiance = self.radiance if str(name).lower().endswith(".exr") else None
-        _limpid.save(name, self.rgba, self._alpha, radiance)
+        return pil.fromarray(self.rgba if self._alpha else np.ascontiguousarray(self.rgba[..., :3]))
+
+    def show(self) -> None:
+        """Shows the picture: in a notebook below the cell, otherwise in the system's program for pictures.
+
+        Raises
+        ------
+        Error
+            If there is no such program.
+        """
+        show(self)
+
+    def tobytes(self) -> bytes:
+        """The bytes of `rgba`, row by row from the top."""
+        return self.rgba.tobytes()
+
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        # With strides: some libraries ask an object without them for a buffer.
+        return {**self.rgba.__array_interface__, "strides": self.rgba.strides}
 
     def legend(self, title: str | None = None) -> Picture:
         """This picture with a legend in its upper right corner: a bar of the colours with the values that
@@ -175,9 +275,14 @@ class Picture:
         if not isinstance(pixels, np.ndarray) or pixels.dtype != np.uint8 or pixels.ndim != 3:
             raise ValueError("rgba was replaced; expected (height, width, 4) of uint8")
 
-    def _repr_png_(self) -> bytes:
+    def _pixels(self, extension: str) -> dict[str, Any]:
+        """The picture as the native half encodes it."""
         self._check()
-        return _limpid.png(self.rgba, self._alpha)
+        radiance = self.radiance if extension == "exr" else None
+        return {"rgba": self.rgba, "alpha": self._alpha, "radiance": radiance, "aov": dict(self.aov)}
+
+    def _repr_png_(self) -> bytes:
+        return _limpid.encode("png", self._pixels("png"))
 
     def __repr__(self) -> str:
         height, width = self.rgba.shape[:2]
@@ -189,6 +294,38 @@ class Picture:
             state["_radiance"] = self._pending.read()
         state["_pending"] = None
         return state
+
+
+def _is_device(path: Any) -> bool:
+    """Whether a path leads to a pipe or a device."""
+    return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
+
+
+def show(picture: Picture) -> None:
+    """Shows a picture where the user is."""
+    if in_notebook():
+        importlib.import_module("IPython.display").display(picture)
+        return
+    folder = tempfile.mkdtemp(prefix="limpid-")
+    # The viewer opens the file after this returns, and may outlive the process.
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    path = os.path.join(folder, "picture.png")
+    picture.save(path)
+    if sys.platform == "win32":
+        os.startfile(path)
+        return
+    program = "open" if sys.platform == "darwin" else "xdg-open"
+    if shutil.which(program) is None:
+        raise Error(f"there is no program {program} to show the picture; save it with picture.save(path)")
+    done = subprocess.run([program, path], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise Error(f"{program} cannot show the picture ({done.stderr.strip()}); save it with picture.save(path)")
+
+
+def in_notebook() -> bool:
+    """Whether a notebook runs this code."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None
 
 
 def title_of(title: Any) -> tuple[str, str]:

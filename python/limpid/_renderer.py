@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 from ._arrays import size_of
 from ._closing import Closing
-from ._drawing import Drawing, SceneLike
+from ._drawing import Drawing, Progress, Request, SceneLike, progress_of, ticking
 from ._errors import Error
 from ._film import Film
 from ._limpid import Camera
 from ._particles import Particles
-from ._picture import Picture
+from ._picture import Aov, Picture
 from ._world import PathLike, Up
 
 
@@ -65,31 +65,35 @@ class Renderer(Closing):
 
     def render(
         self,
-        positions: npt.ArrayLike | Particles,
+        positions: npt.ArrayLike | Particles | PathLike,
         *,
         radius: npt.ArrayLike | None = None,
         velocities: npt.ArrayLike | None = None,
         ids: npt.ArrayLike | None = None,
         ellipsoids: npt.ArrayLike | None = None,
         colors: npt.ArrayLike | None = None,
-        values: npt.ArrayLike | None = None,
+        values: npt.ArrayLike | str | None = None,
         colormap: str | None = None,
         range: Sequence[float] | str | None = None,
         scene: SceneLike | None = None,
         camera: Camera | None = None,
         size: Sequence[int] = (1024, 768),
         samples: int | None = None,
-        aovs: Iterable[str] = (),
+        aovs: Iterable[Aov] | Aov = (),
         alpha: bool = False,
         up: Up = None,
-        frame: int = 0,
+        frame: int | None = None,
+        keep_radiance: bool = False,
+        progress: Progress | None = None,
     ) -> Picture:
         """Draws particles.
 
         Parameters
         ----------
-        positions : (n, 3) array of floats, or Particles
-            Centres, m. Arrays may have any order and strides, and are copied once.
+        positions : (n, 3) array of floats, Particles, or path
+            Centres, m. Arrays may have any order and strides, and are copied once. Files are drawn as by the program,
+            with the radius, velocities and so on that they have: a particle file, a pattern, a folder, or a scene with
+            particles. `limpid.frames` reads files whose attributes have unusual names.
         radius : float, or (n,) or (n, 1) array, optional
             Particle radius, m, half the usual spacing; if it is not given, it is estimated from the
             spacing.
@@ -108,7 +112,8 @@ class Renderer(Closing):
         values : (n,), (n, 2) or (n, 3) array of numbers, optional
             Data that colour the particles, as temperatures; of vectors the length. Values near each
             other are averaged on the surface. The liquid becomes opaque; without a scene the look is
-            ``paint``.
+            ``paint``. Of files, the name of an attribute: ``"velocity"``, ``"density"``, ``"color"`` or any of their
+            arrays.
         colormap : str, optional
             The colours of the values: ``"viridis"`` (default), ``"plasma"``, ``"inferno"``, ``"magma"``,
             ``"cividis"``, ``"turbo"``, ``"coolwarm"``, ``"spectral"`` or ``"greys"``.
@@ -146,8 +151,15 @@ class Renderer(Closing):
             is that of the scene, which `picture.scene` has, or taken from the camera, or guessed from the
             liquid's surface; ``picture.up`` tells it. Solids, lights and camera of a scene are in a world
             of y up.
-        frame : int
-            Number of the frame, for solids that move.
+        frame : int, optional
+            Number of the frame, for solids that move, 0 by default; of several files the one to draw, the first by
+            default.
+        keep_radiance : bool
+            Whether ``picture.radiance``, linear floats, is read at once and kept; otherwise it is read when it is asked
+            for, while the device has it.
+        progress : function of (done, total), optional
+            Called every 0.05 s while the picture is drawn, with the number of pictures that are done and of all; if it
+            returns ``False`` or raises, drawing ends.
 
         Returns
         -------
@@ -161,6 +173,8 @@ class Renderer(Closing):
             If a file of the scene cannot be read.
         DeviceLost
             If the device failed.
+        Cancelled
+            If `progress` has returned ``False``.
 
         Warns
         -----
@@ -168,8 +182,7 @@ class Renderer(Closing):
             If units, radius or camera are likely wrong, or if particles without a finite position are left
             out, up to half of them; in a series of pictures once.
         """
-        return self._drawing.picture(
-            positions,
+        request = Request(
             radius=radius,
             velocities=velocities,
             ids=ids,
@@ -187,6 +200,13 @@ class Renderer(Closing):
             up=up,
             frame=frame,
         )
+        told = progress_of(progress)
+        picture = self._drawing.picture(positions, request, ticking(told, 0, 1))
+        if keep_radiance:
+            picture.radiance  # Reads it.
+        if told is not None:
+            told(1, 1)
+        return picture
 
     def render_views(
         self,
@@ -205,6 +225,7 @@ class Renderer(Closing):
         alpha: bool = False,
         up: Up = None,
         frame: int = 0,
+        progress: Progress | None = None,
     ) -> npt.NDArray[np.uint8]:
         """Draws particles from several cameras, for instance to train on the pictures.
 
@@ -227,7 +248,7 @@ class Renderer(Closing):
 
         Raises
         ------
-        ValueError, OSError, DeviceLost
+        ValueError, OSError, DeviceLost, Cancelled
             As `render`.
         """
         try:
@@ -240,9 +261,7 @@ class Renderer(Closing):
         if not views:
             width, height = size_of(size)
             return np.empty((0, height, width, 4), np.uint8)
-        return self._drawing.views(
-            positions,
-            views,
+        request = Request(
             radius=radius,
             ellipsoids=ellipsoids,
             colors=colors,
@@ -256,14 +275,22 @@ class Renderer(Closing):
             up=up,
             frame=frame,
         )
+        told = progress_of(progress)
+        pictures = self._drawing.views(positions, views, request, ticking(told, 0, len(views)))
+        if told is not None:
+            told(len(views), len(views))
+        return pictures
 
     def film(
         self,
         source: Iterable[Any] | PathLike,
-        path: PathLike,
+        path: PathLike | None = None,
         *,
         fps: float | None = None,
         radius: npt.ArrayLike | None = None,
+        velocities: Iterable[npt.ArrayLike] | None = None,
+        colors: Iterable[npt.ArrayLike] | None = None,
+        values: Iterable[npt.ArrayLike] | str | None = None,
         colormap: str | None = None,
         range: Sequence[float] | str | None = None,
         legend: bool | str = False,
@@ -271,7 +298,10 @@ class Renderer(Closing):
         camera: Camera | Iterable[Camera] | None = None,
         size: Sequence[int] = (1024, 768),
         samples: int | None = None,
+        aovs: Iterable[Aov] | Aov = (),
+        alpha: bool = False,
         up: Up = None,
+        progress: Progress | None = None,
     ) -> Film:
         """Draws a film, picture by picture.
 
@@ -281,6 +311,7 @@ class Renderer(Closing):
             for picture in renderer.film(frames, "dam.mp4", fps=30):
                 print(picture.seconds)
             renderer.film(frames, "dam.mp4", fps=30).run()      # without looking at the pictures
+            limpid.film("water_{}.bgeo")                        # notebooks draw it, and play it
 
         The film is complete after the last picture. If the iterator is closed or forgotten before, the
         unfinished file is removed.
@@ -288,42 +319,60 @@ class Renderer(Closing):
         Parameters
         ----------
         source : path, or iterable of arrays or Particles
-            The frames: files as the program takes them (a pattern, a folder, a scene), or positions
-            of shape (n, 3), one by one, numbered from 0 for solids that move.
-        path : path
-            .mp4 or .webm, which need ffmpeg, .gif or .apng.
+            The frames: files as the program takes them (a pattern, a folder, a scene), `limpid.frames`, or positions
+            of shape (n, 3), one by one, numbered from 0 for solids that move. With several cameras it may be one frame.
+        path : path, optional
+            .mp4 or .webm, which need ffmpeg, .gif or .apng; or pictures, as ``"####.png"`` or ``"folder/"``, of any
+            format of `Picture.save`. Without one the film is there to be looked at, as long as this object is.
         fps : float, optional
             Pictures per second; those of the source, 30 by default.
+        velocities, colors, values : iterable of arrays, optional
+            For each frame an array as for `render`, if frames are positions. `values` may be the name of an attribute
+            of files.
         camera : Camera or iterable of Camera, optional
             One for all pictures, or one for each. Scene and camera that are made to fit are those of
             the first frame with particles, and for files of the whole sequence.
         colormap, range : optional
-            As for `render`, for `Particles` with `values`. Without a range, that of the first frame
-            whose values differ is kept for all. Files are coloured by the ``color_by`` of a scene.
+            As for `render`, for values. Without a range, that of the first frame whose values differ is kept for all,
+            and for files that of the whole sequence.
         legend : bool or str
             Whether pictures get a legend, or its title: see `Picture.legend`.
+        aovs : optional
+            As for `render`; pictures in .exr files have them.
+        alpha : bool
+            As for `render`, if the pictures have files of their own.
         radius, scene, size, samples, up : optional
             As for `render`.
+        progress : function of (done, total), optional
+            Called after each picture, and every 0.05 s while one is drawn, with the number of pictures that are done and
+            of all, or ``None``; if it returns ``False`` or raises, the film is closed.
 
         Raises
         ------
-        ValueError, OSError
+        ValueError, OSError, DeviceLost, Cancelled
             As `render`; if the film cannot be written, before anything is drawn.
         """
+        request = Request(
+            radius=radius,
+            colormap=colormap,
+            range=range,
+            scene=scene,
+            size=size,
+            samples=samples,
+            aovs=aovs,
+            alpha=alpha,
+            up=up,
+        )
         return Film(
             self._drawing,
             source,
             path,
-            fps=fps,
-            radius=radius,
-            colormap=colormap,
-            range=range,
-            legend=legend,
-            scene=scene,
+            request,
             camera=camera,
-            size=size,
-            samples=samples,
-            up=up,
+            given={"velocities": velocities, "colors": colors, "values": values},
+            fps=fps,
+            legend=legend,
+            progress=progress_of(progress),
         )
 
 
@@ -335,16 +384,21 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
+def shared() -> Renderer:
+    """The renderer of all functions."""
+    global _default
+    with _default_lock:
+        if _default is None:
+            _default = Renderer()
+        return _default
+
+
 def _shared(method: Callable[Concatenate[Renderer, P], T]) -> Callable[P, T]:
     """A method as a function, with a renderer that all calls share."""
 
     @functools.wraps(method)
     def call(*arguments: P.args, **keywords: P.kwargs) -> T:
-        global _default
-        with _default_lock:
-            if _default is None:
-                _default = Renderer()
-        return method(_default, *arguments, **keywords)
+        return method(shared(), *arguments, **keywords)
 
     signature = inspect.signature(method)
     parameters = list(signature.parameters.values())[1:]
@@ -354,6 +408,7 @@ def _shared(method: Callable[Concatenate[Renderer, P], T]) -> Callable[P, T]:
 
 
 render = _shared(Renderer.render)
+film = _shared(Renderer.film)
 
 
 def _forget() -> None:

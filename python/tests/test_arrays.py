@@ -164,6 +164,109 @@ def test_arrays_on_a_card_say_how_to_copy_them(renderer, ball, monkeypatch, devi
         renderer.render(limpid.Particles(ball, ids=array), radius=0.05, size=SMALL)
 
 
+class Tensor:
+    """A tensor of PyTorch that records gradients."""
+
+    def __init__(self, array):
+        self.array = array
+
+    def __array__(self, *_, **__):
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy() instead.")
+
+    def detach(self):
+        return self.array
+
+
+class Half:
+    """A tensor of PyTorch of a type that NumPy lacks."""
+
+    def __array__(self, *_, **__):
+        raise TypeError("Got unsupported ScalarType BFloat16")
+
+
+def test_tensors_with_gradients_are_read(ball):
+    from limpid._arrays import numbers
+
+    assert np.shares_memory(numbers("positions", Tensor(ball), ("n", 3)), ball)
+    with pytest.raises(ValueError, match=r"^positions has the dtype bfloat16; .*positions\.float\(\)$"):
+        limpid.render(Half())
+
+
+def test_fields_are_vectors(ball):
+    """Structured arrays as of PLY files."""
+    from limpid._arrays import numbers
+
+    names = ["z", "id", "x", "y", "vx", "vy", "vz"]
+    record = np.zeros(len(ball), np.dtype([(name, "i4" if name == "id" else "f4") for name in names]))
+    record["x"], record["y"], record["z"] = ball.T
+    record["vx"], record["vy"], record["vz"] = 2 * ball.T
+    assert np.array_equal(numbers("positions", record, ("n", 3)), ball)
+    assert np.array_equal(numbers("velocities", record, ("n", 3)), 2 * ball)
+    assert np.array_equal(numbers("positions", record.view(np.recarray), ("n", 3)), ball)
+    whole = np.zeros(3, np.dtype([("tag", "u1"), ("place", "f4", 3)]))
+    with pytest.raises(ValueError, match=re.escape('fields tag, place; expected plain numbers, as positions["place"]')):
+        limpid.render(whole)
+    other = np.zeros(3, np.dtype([("px", "f4"), ("py", "f4"), ("pz", "f4")]))
+    with pytest.raises(ValueError, match="structured_to_unstructured") as caught:
+        limpid.render(other)
+    import numpy.lib.recfunctions
+
+    line = str(caught.value).split(", as ", 1)[1]
+    assert eval(line, {"numpy": numpy, "positions": other}).shape == (3, 3), "the line works"
+    with pytest.raises(ValueError, match=re.escape('as radius["px"]')):
+        limpid.render(np.zeros((3, 3)), radius=other)
+
+
+def test_generators_and_dictionaries_say_how_to_convert_them(ball):
+    def simulation():
+        raise AssertionError("must not run")
+        yield
+
+    with pytest.raises(ValueError, match=re.escape("positions is a generator; expected an array, as numpy.array(list(")):
+        limpid.render(simulation())
+    columns = dict(zip("xyz", ball.T))
+    with pytest.raises(ValueError, match="positions is a dict") as caught:
+        limpid.render(columns)
+    line = str(caught.value).split(", as ", 1)[1]
+    assert np.array_equal(eval(line, {"numpy": np, "positions": columns}), ball)
+
+
+def test_tables_of_pandas_are_read(ball):
+    pandas = pytest.importorskip("pandas")
+    from limpid._arrays import integers, numbers
+
+    table = pandas.DataFrame(ball.astype(np.float64), columns=list("xyz"))
+    for kind in ("float64", "Float64", "Float32"):
+        assert np.allclose(numbers("positions", table.astype(kind), ("n", 3)), ball), kind
+    holed = table.astype("Float64")
+    holed.loc[3, "y"] = pandas.NA
+    read = numbers("positions", holed, ("n", 3))
+    assert np.isnan(read[3, 1]) and np.isfinite(np.delete(read, 3, axis=0)).all()
+    large = pandas.Series([2**62 + 1, 7, None], dtype="Int64")
+    assert integers("ids", large[:2], ("n",)).tolist() == [2**62 + 1, 7]
+    with pytest.raises(ValueError, match="ids has the dtype Int64") as caught:
+        integers("ids", large, ("n",))
+    line = str(caught.value).rsplit(", as ", 1)[1]
+    assert eval(line, {"ids": large}).tolist() == [2**62 + 1, 7, -1]
+    with pytest.raises(ValueError, match=re.escape('positions has the columns x, y, z, name')) as caught:
+        limpid.render(table.assign(name="a"))
+    line = str(caught.value).rsplit(", as ", 1)[1]
+    assert np.allclose(eval(line, {"positions": table.assign(name="a")}), ball)
+
+
+def test_tables_of_polars_are_read(ball):
+    polars = pytest.importorskip("polars")
+    from limpid._arrays import integers, numbers
+
+    table = polars.DataFrame(dict(zip("xyz", ball.T)))
+    assert np.array_equal(numbers("positions", table, ("n", 3)), ball)
+    assert integers("ids", polars.Series([3, 4]), ("n",)).tolist() == [3, 4]
+    with pytest.raises(ValueError, match="missing ones") as caught:
+        integers("ids", polars.Series([3, None]), ("n",))
+    line = str(caught.value).rsplit(", as ", 1)[1]
+    assert eval(line, {"ids": polars.Series([3, None])}).tolist() == [3, -1]
+
+
 def test_half_floats_and_integers_are_numbers(renderer, scene):
     grid = np.stack(np.meshgrid(*3 * [np.arange(-2, 3)]), axis=-1).reshape(-1, 3)
     whole = renderer.render(grid, scene=scene, radius=0.5, size=SMALL).rgba

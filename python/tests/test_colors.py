@@ -202,7 +202,7 @@ def test_films_say_where_values_lack(renderer, ball, tmp_path):
         with pytest.raises(ValueError, match=problem):
             renderer.film([ball], tmp_path / "a.gif", size=SMALL, **keywords)
     limpid.write(tmp_path / "a_1.npz", ball)
-    with pytest.raises(ValueError, match="color_by"):
+    with pytest.raises(ValueError, match="name an attribute of the files"):
         renderer.film(tmp_path / "a_{}.npz", tmp_path / "a.gif", colormap="turbo", size=SMALL)
     for keywords in (dict(range=(1, 2)), dict(legend=True)):
         with pytest.raises(ValueError, match="values"):

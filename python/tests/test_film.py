@@ -138,6 +138,109 @@ def test_what_cannot_be_filmed_is_told_before_drawing(renderer, frames, tmp_path
     few = renderer.film(frames, tmp_path / "a.gif", camera=[limpid.Camera((0, 1, 3), (0, 0, 0))], size=SMALL)
     with pytest.raises(ValueError, match="camera has 1 entries"):
         few.run()
+    for wrong, problem in (
+        (dict(alpha=True), "films have no coverage"),
+        (dict(colors=5), "colors is 5; expected one array for each frame"),
+        (dict(values="velocity"), "names are for files"),
+        (dict(progress=3), "progress is 3"),
+    ):
+        with pytest.raises(ValueError, match=problem):
+            renderer.film(frames, tmp_path / "a.gif", size=SMALL, **wrong)
+    with pytest.raises(ValueError, match="cannot all be"):
+        renderer.film(frames, tmp_path / "a.png", size=SMALL)
+    with pytest.raises(FileNotFoundError):
+        renderer.film(frames, tmp_path / "no" / "####.png", size=SMALL)
+    short = renderer.film(frames, tmp_path / "a.gif", values=[np.zeros(len(frames[0]))], size=SMALL)
+    with pytest.raises(ValueError, match="values has 1 entries"):
+        short.run()
     with pytest.raises(ValueError, match="without pictures"):
         list(renderer.film([], tmp_path / "a.gif", size=SMALL))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_each_frame_has_its_own_arrays(renderer, frames, tmp_path):
+    values = [f[:, 0] for f in frames]
+    velocities = [np.full_like(f, 0.1 * i) for i, f in enumerate(frames)]
+    camera = limpid.Camera((0, 1, 4), (0, 0, 0))
+    keywords = dict(radius=0.05, camera=camera, size=SMALL, aovs=["motion"])
+    film = renderer.film(frames, tmp_path / "a.gif", values=values, velocities=velocities, **keywords)
+    pictures = list(film)
+    assert len({p.range for p in pictures}) == 1, "the range of the first frame is kept"
+    moved = [np.abs(p.aov["motion"]).max() for p in pictures]
+    assert moved[0] < 1e-4 and moved[1] < moved[2] < moved[3]
+    alone = renderer.render(frames[0], values=values[0], velocities=velocities[0], **keywords)
+    assert np.array_equal(alone.rgba, pictures[0].rgba)
+    colors = [np.tile(np.float32([1, 0.2 * i, 0]), (len(f), 1)) for i, f in enumerate(frames)]
+    tinted = list(renderer.film(frames, tmp_path / "b.gif", colors=colors, radius=0.05, size=SMALL))
+    assert not np.array_equal(tinted[0].rgba, tinted[3].rgba)
+
+
+def test_pictures_of_a_film_have_files_of_their_own(renderer, frames, tmp_path):
+    keywords = dict(radius=0.05, size=SMALL, alpha=True, aovs=["depth"])
+    film = renderer.film(frames, tmp_path / "w_####.png", **keywords)
+    pictures = list(film)
+    assert sorted(f.name for f in tmp_path.iterdir()) == [f"w_000{i}.png" for i in range(4)]
+    image = pytest.importorskip("PIL.Image").open(tmp_path / "w_0002.png")
+    assert np.array_equal(np.asarray(image), pictures[2].rgba), "with coverage"
+    stopped = renderer.film(frames, f"{tmp_path}/folder/", **keywords)
+    next(stopped)
+    stopped.close()
+    assert [f.name for f in (tmp_path / "folder").iterdir()] == ["frame_0000.png"], "whole pictures stay"
+    renderer.film(frames, tmp_path / "w_{}.exr", **keywords).run()
+    assert len(list(tmp_path.glob("*.exr"))) == 4
+
+
+def test_several_cameras_see_one_frame(renderer, frames, tmp_path):
+    camera = limpid.Camera((0, 1, 3), (0, 0, 0))
+    cameras = [camera.turned(30 * i) for i in range(5)]
+    limpid.write(tmp_path / "ball.npz", frames[0])
+    for source in (frames[0], limpid.Particles(frames[0]), tmp_path / "ball.npz"):
+        film = renderer.film(source, tmp_path / "a.gif", camera=cameras, radius=0.05, size=SMALL)
+        assert len(film) == 5
+        assert [p.camera for p in film] == cameras
+    for i, f in enumerate(frames):
+        limpid.write(tmp_path / f"s_{i}.npz", f)
+    film = renderer.film(tmp_path / "s_{}.npz", tmp_path / "a.gif", camera=cameras, radius=0.05, size=SMALL)
+    assert [p.camera for p in film] == cameras[:4]
+    with pytest.raises(ValueError, match="camera has no entries"):
+        renderer.film(tmp_path / "s_{}.npz", tmp_path / "a.gif", camera=[], size=SMALL)
+
+
+def test_notebooks_play_films(renderer, frames, tmp_path):
+    keywords = dict(radius=0.05, size=SMALL)
+    film = renderer.film(frames, tmp_path / "a.gif", **keywords)
+    next(film)
+    shown = film._repr_html_()
+    assert shown.startswith('<img src="data:image/gif;base64,') and "complete" in repr(film)
+    assert shown == film._repr_html_(), "drawn once"
+    kept = renderer.film(frames, **keywords)
+    shown = kept._repr_html_()
+    assert "data:video/mp4;base64," in shown or "data:image/gif;base64," in shown
+    folder = kept.path
+    del kept, film
+    import os
+
+    assert not os.path.exists(folder), "nothing is left of a film without a path"
+    closed = renderer.film(frames, tmp_path / "b.gif", **keywords)
+    closed.close()
+    assert "data:" not in closed._repr_html_()
+    assert "4 pictures" in renderer.film(frames, tmp_path / "####.png", **keywords)._repr_html_()
+
+
+def test_a_film_tells_how_far_it_is_and_can_be_stopped(renderer, frames, tmp_path):
+    told = []
+    film = renderer.film(iter(frames), tmp_path / "a.gif", radius=0.05, size=SMALL, progress=lambda *x: told.append(x))
+    film.run()
+    assert sorted(set(told)) == sorted((i, None) for i in {done for done, _ in told})
+    assert {1, 2, 3, 4} <= {done for done, _ in told} and told[-1] == (4, None)
+    film = renderer.film(
+        frames, tmp_path / "b.gif", radius=0.05, size=SMALL, progress=lambda done, total: (done, total) != (2, 4)
+    )
+    with pytest.raises(limpid.Cancelled):
+        film.run()
+    assert [f.name for f in tmp_path.iterdir()] == ["a.gif"] and list(film) == []
+
+
+def test_film_is_a_function(frames, tmp_path):
+    limpid.film(frames, tmp_path / "a.gif", radius=0.05, size=SMALL).run()
+    assert (tmp_path / "a.gif").stat().st_size > 1000

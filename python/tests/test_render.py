@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import sys
 
 import numpy as np
 import pytest
@@ -210,7 +211,7 @@ def test_radiance_is_kept_for_four_pictures(renderer, ball, scene):
 
 def test_pictures_are_arrays_files_and_notebook_outputs(renderer, ball, scene, tmp_path):
     picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
-    assert np.asarray(picture) is picture.rgba
+    assert np.shares_memory(np.asarray(picture), picture.rgba) and picture.shape == picture.rgba.shape == (72, 96, 4)
     assert np.asarray(picture, dtype=np.float32).dtype == np.float32
     assert np.array(picture) is not picture.rgba
     assert picture._repr_png_().startswith(b"\x89PNG")
@@ -229,6 +230,138 @@ def test_pictures_are_arrays_files_and_notebook_outputs(renderer, ball, scene, t
     image = pytest.importorskip("PIL.Image")
     assert np.array_equal(np.asarray(image.open(io.BytesIO(picture._repr_png_()))), picture.rgba[..., :3])
     assert np.array_equal(np.asarray(image.open(tmp_path / "a.png")), picture.rgba[..., :3])
+
+
+def test_pictures_are_those_of_pillow(renderer, ball, scene):
+    image = pytest.importorskip("PIL.Image")
+    for alpha, mode in ((False, "RGB"), (True, "RGBA")):
+        picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL, alpha=alpha)
+        converted = picture.to_pil()
+        assert converted.mode == mode and converted.size == SMALL
+        assert np.array_equal(np.asarray(converted), picture.rgba[..., : len(mode)])
+        assert np.array_equal(np.asarray(image.fromarray(picture)), picture.rgba)
+
+
+def test_without_pillow_its_installation_is_named(renderer, ball, scene, monkeypatch):
+    for name in ("PIL", "PIL.Image"):
+        monkeypatch.setitem(sys.modules, name, None)
+    picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
+    with pytest.raises(ImportError, match="pip install pillow"):
+        picture.to_pil()
+
+
+def test_file_objects_get_what_files_get(renderer, ball, scene, tmp_path):
+    picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
+    for kind in ("png", "jpg", "webp"):
+        picture.save(tmp_path / f"a.{kind}")
+        buffer = io.BytesIO()
+        picture.save(buffer, format=kind)
+        assert buffer.getvalue() == (tmp_path / f"a.{kind}").read_bytes(), kind
+    plain = io.BytesIO()
+    picture.save(plain)
+    assert plain.getvalue() == (tmp_path / "a.png").read_bytes(), "PNG by default"
+    with open(tmp_path / "b.jpg", "wb") as file:
+        picture.save(file)
+    assert (tmp_path / "b.jpg").read_bytes() == (tmp_path / "a.jpg").read_bytes(), "by the file's name"
+    picture.save(tmp_path / "picture", format="PNG")
+    assert (tmp_path / "picture").read_bytes() == plain.getvalue()
+    exr = io.BytesIO()
+    picture.save(exr, format="exr")
+    assert exr.getvalue().startswith(b"\x76\x2f\x31\x01")
+    for wrong in ("bmp", 3, ""):
+        with pytest.raises(ValueError, match="picture ends in|format is 3"):
+            picture.save(io.BytesIO(), format=wrong)
+    with pytest.raises(ValueError, match="holds no coverage"):
+        renderer.render(ball, scene=scene, size=SMALL, alpha=True).save(io.BytesIO(), format="jpg")
+
+
+def channels(path):
+    """The parts of an OpenEXR file: their names, with the names of their channels."""
+    data = path.read_bytes()
+    at, parts = 8, []
+    several = int.from_bytes(data[4:8], "little") & 0x1000
+    while True:
+        part, names = "", []
+        while data[at] != 0:
+            name, kind = (data[at:].split(b"\0", 2)[i].decode() for i in (0, 1))
+            at += len(name) + len(kind) + 2
+            size = int.from_bytes(data[at : at + 4], "little")
+            value = data[at + 4 : at + 4 + size]
+            at += 4 + size
+            if name == "name":
+                part = value.decode()
+            elif name == "channels":
+                while value[0] != 0:
+                    names.append(value.split(b"\0", 1)[0].decode())
+                    value = value[len(names[-1]) + 17 :]
+        at += 1
+        parts.append((part, names))
+        if not several or data[at] == 0:
+            return parts
+
+
+def test_images_are_saved_with_the_radiance(renderer, program, root, tmp_path):
+    """By the names that the program gives them."""
+    source = root / "sims" / "demo.bgeo"
+    program("render", source, "--size", "96x72", "--aov", "all", "-o", tmp_path / "a.png")
+    expected = channels(tmp_path / "a.aov.exr")
+    picture = renderer.render(source, size=SMALL, aovs="all")
+    picture.save(tmp_path / "b.exr")
+    (first, names), *others = channels(tmp_path / "b.exr")
+    assert {"R", "G", "B"} < set(names)
+    assert [(first, sorted(set(names) - {"R", "G", "B"})), *others] == expected
+    picture = renderer.render(source, size=SMALL, aovs=["front.depth", "normal"], alpha=True)
+    picture.save(tmp_path / "c.exr")
+    ((_, names),) = channels(tmp_path / "c.exr")
+    layers = [f"normal.{layer}.{axis}" for layer in ("aggregate_back", "aggregate_front") for axis in "XYZ"]
+    assert {"A", "R", "depth.aggregate_front", "normal.X", *layers} <= set(names)
+    picture.aov["front.depth"] = 3
+    with pytest.raises(ValueError, match="aov.*was replaced"):
+        picture.save(tmp_path / "d.exr")
+    OpenEXR = pytest.importorskip("OpenEXR")
+    with OpenEXR.File(str(tmp_path / "b.exr"), separate_channels=True) as file:
+        pixels = file.channels()["depth.Z"].pixels
+    assert np.array_equal(pixels, renderer.render(source, size=SMALL, aovs="depth").aov["depth"])
+
+
+def test_radiance_can_be_kept(renderer, ball, scene):
+    first = renderer.render(ball, radius=0.05, scene=scene, size=SMALL, keep_radiance=True)
+    for _ in range(6):
+        last = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
+    assert first.radiance.dtype == np.float32 and np.array_equal(first.radiance, last.radiance)
+
+
+def test_pictures_are_shown_by_the_system(renderer, ball, scene, tmp_path, monkeypatch):
+    picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
+    viewer = tmp_path / ("open" if sys.platform == "darwin" else "xdg-open")
+    viewer.write_text(f'#!/bin/sh\ncp "$1" "{tmp_path}/seen.png"\n')
+    viewer.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
+    picture.show()
+    picture.save(tmp_path / "saved.png")
+    assert (tmp_path / "seen.png").read_bytes() == (tmp_path / "saved.png").read_bytes()
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(limpid.Error, match="save it with"):
+        picture.show()
+
+
+def test_drawing_tells_how_far_it_is_and_can_be_stopped(renderer, dam):
+    told = []
+    renderer.render(dam, size=(320, 240), progress=lambda *x: told.append(x))
+    assert told[-1] == (1, 1) and set(told[:-1]) <= {(0, 1)}
+    views = [limpid.Camera((0, 1, 4), (0, 0, 0))] * 2
+    renderer.render_views(dam, views, size=SMALL, progress=lambda *x: told.append(x))
+    assert told[-1] == (2, 2)
+    large = dict(size=(2048, 1536), samples=16)
+    with pytest.raises(limpid.Cancelled):
+        renderer.render(dam, **large, progress=lambda done, total: False)
+
+    def fail(done, total):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        renderer.render(dam, **large, progress=fail)
+    assert renderer.render(dam, size=SMALL).particles == len(dam), "the renderer goes on"
 
 
 def test_flip_is_that_of_the_program(renderer, program, ball, scene, tmp_path):

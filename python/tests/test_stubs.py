@@ -27,9 +27,13 @@ def test_the_package_is_typed(root):
 
 def test_a_wrong_call_is_found(tmp_path):
     script = tmp_path / "wrong.py"
-    script.write_text("import limpid\nlimpid.Camera('front', 3)\nlimpid.render([[0, 0, 0]]).rgbaa\n")
+    script.write_text(
+        "import limpid\nlimpid.Camera('front', 3)\nlimpid.render([[0, 0, 0]]).rgbaa\n"
+        "limpid.render('water.vtu', aovs=['dept'])\nlimpid.film([], up='x')\n"
+    )
     done = run("mypy", "--strict", str(script))
     assert done.returncode == 1 and "rgbaa" in done.stdout and "Camera" in done.stdout
+    assert "dept" in done.stdout and '"up"' in done.stdout
 
 
 def test_everything_has_a_docstring():

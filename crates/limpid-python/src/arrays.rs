@@ -164,15 +164,10 @@ pub(crate) fn to_arrays<'py>(
     particles: Particles,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arrays = PyDict::new(py);
-    let vectors = |vectors: Vec<Vec3>| {
-        let count = vectors.len();
-        let numbers: Vec<f32> = bytemuck::allocation::cast_vec(vectors);
-        numbers.into_pyarray(py).reshape([count, 3])
-    };
     let Particles { origin, positions, velocities, densities, radii, ids, ellipsoids, .. } =
         particles;
     if origin == DVec3::ZERO {
-        arrays.set_item("positions", vectors(positions)?)?;
+        arrays.set_item("positions", vectors(py, positions)?)?;
     } else {
         let count = positions.len();
         let places = positions.iter().flat_map(|x| (origin + x.as_dvec3()).to_array());
@@ -180,7 +175,7 @@ pub(crate) fn to_arrays<'py>(
         arrays.set_item("positions", places.into_pyarray(py).reshape([count, 3])?)?;
     }
     if let Some(velocities) = velocities {
-        arrays.set_item("velocities", vectors(velocities)?)?;
+        arrays.set_item("velocities", vectors(py, velocities)?)?;
     }
     if let Some(densities) = densities {
         arrays.set_item("densities", densities.into_pyarray(py))?;
@@ -200,6 +195,13 @@ pub(crate) fn to_arrays<'py>(
             .set_item("ellipsoids", matrices.into_pyarray(py).reshape([ellipsoids.len(), 3, 3])?)?;
     }
     Ok(arrays)
+}
+
+/// Vectors as an array of shape (n, 3).
+pub(crate) fn vectors(py: Python<'_>, vectors: Vec<Vec3>) -> PyResult<Bound<'_, PyArray2<f32>>> {
+    let count = vectors.len();
+    let numbers: Vec<f32> = bytemuck::allocation::cast_vec(vectors);
+    numbers.into_pyarray(py).reshape([count, 3])
 }
 
 /// Reads a particle file; returns also what was left out of it, or understood in a way of its own.

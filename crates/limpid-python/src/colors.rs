@@ -40,7 +40,7 @@ impl Arguments<'_> {
     }
 }
 
-fn map_named(name: &str) -> PyResult<MapName> {
+pub(crate) fn map_named(name: &str) -> PyResult<MapName> {
     name.parse().map_err(|problem| PyValueError::new_err(format!("colormap: {problem}")))
 }
 

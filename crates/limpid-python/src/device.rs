@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use glam::UVec2;
-use limpid::aov::{self, Aov, Channel, Part};
+use limpid::aov::{Aov, Part};
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::liquid::Up;
@@ -15,6 +15,7 @@ use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingRadiance};
 use limpid::wgpu;
 use limpid_cli::PipelineCache;
+use limpid_io::adjustments::Adjustments;
 use limpid_io::color_by::ColorScale;
 use limpid_io::input::{FrameTime, Input, Loaded};
 use limpid_io::notice;
@@ -28,6 +29,7 @@ use crate::arrays::Arrays;
 use crate::camera::Camera;
 use crate::colors::{Colored, Coloring};
 use crate::frames::{self, Frames, Setting, Source, Staged};
+use crate::images::{chosen, images, interleaved};
 use crate::numbers::short;
 use crate::{colors, errors, pictures, scene, series, work};
 
@@ -179,7 +181,7 @@ impl Device {
     }
 
     /// Draws particles.
-    #[pyo3(signature = (arrays, coloring, project, camera, up, radius, frame, size, samples, aovs, alpha, views, described))]
+    #[pyo3(signature = (arrays, coloring, project, camera, up, radius, frame, size, samples, aovs, alpha, views, described, tick))]
     #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
     fn draw<'py>(
         &self,
@@ -197,11 +199,17 @@ impl Device {
         alpha: bool,
         views: Vec<PyRef<'py, Camera>>,
         described: bool,
+        tick: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let chosen = chosen(&aovs)?;
         let coloring = coloring.coloring()?;
+        let is_of_values = coloring.as_ref().is_some_and(Coloring::is_of_values);
         let setting = Setting {
-            shows_values: coloring.as_ref().is_some_and(Coloring::is_of_values),
+            colors: Adjustments {
+                color_by: is_of_values.then(colors::of_values),
+                ..Adjustments::default()
+            },
+            takes_values: is_of_values,
             project: project.map(|project| project.project()),
             camera: camera.map(|camera| *camera),
             up: frames::up(up)?,
@@ -216,29 +224,33 @@ impl Device {
         let size = UVec2::new(size.0, size.1);
         let views = views.iter().map(|camera| **camera).collect();
         let job = Job { source, coloring, frame, size, aovs: chosen, views, described };
-        self.draw_job(py, job, &aovs)
+        self.draw_job(py, job, &aovs, tick.as_ref())
     }
 
-    /// Draws a frame of files.
+    /// Draws a frame of files, from another camera if one is given.
+    #[pyo3(signature = (frames, index, camera, size, aovs, described, tick))]
+    #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
     fn draw_frame<'py>(
         &self,
         py: Python<'py>,
         frames: PyRef<'py, Frames>,
         index: usize,
+        camera: Option<PyRef<'py, Camera>>,
         size: (u32, u32),
+        aovs: Vec<String>,
         described: bool,
+        tick: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let frame = frames.numbers[index];
         let job = Job {
-            source: Source::Frame(frames.staged.clone()),
+            source: Source::Frame(frames.staged.clone(), camera.map(|camera| Box::new(*camera))),
             coloring: None,
-            frame,
+            frame: frames.numbers[index],
             size: UVec2::new(size.0, size.1),
-            aovs: Vec::new(),
+            aovs: chosen(&aovs)?,
             views: Vec::new(),
             described,
         };
-        self.draw_job(py, job, &[])
+        self.draw_job(py, job, &aovs, tick.as_ref())
     }
 }
 
@@ -257,6 +269,7 @@ impl Device {
         py: Python<'py>,
         job: Job,
         aovs: &[String],
+        tick: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         work::check_process()?;
         let idle = py.detach(|| locked(&self.state).as_mut().map(|open| open.idle.pop()));
@@ -264,7 +277,7 @@ impl Device {
         let interrupt = idle.as_ref().map_or_else(Arc::default, |drawer| drawer.interrupt.clone());
         let (state, wanted) = (self.state.clone(), self.wanted.clone());
         let (size, views) = (job.size, job.views.len());
-        let drawn = work::run_interruptible(py, interrupt, move |interrupt| {
+        let drawn = work::run_interruptible(py, interrupt, tick, move |interrupt| {
             let mut drawer = match idle {
                 Some(drawer) => drawer,
                 None => new_drawer(&state, wanted.as_deref(), interrupt)?,
@@ -320,13 +333,16 @@ impl Drawer {
         let owned: Staged;
         let shared: Arc<Staged>;
         let mut colored = Colored::default();
+        // The camera that was given for a frame of files.
+        let mut aimed = None;
         // With the particles whose thickness the tints are for.
         let mut tinted = None;
         // The scene that was given.
         let mut given = None;
         let staged = match source {
-            Source::Frame(staged) => {
+            Source::Frame(staged, camera) => {
                 shared = staged;
+                aimed = camera.map(|camera| *camera);
                 &*shared
             }
             Source::Particles(mut particles, setting) => {
@@ -340,7 +356,10 @@ impl Drawer {
                 &owned
             }
         };
-        let Staged { opened, camera, own_camera } = staged;
+        let Staged { opened, .. } = staged;
+        let up = opened.loader.up().0;
+        let own_camera = aimed.unwrap_or(staged.own_camera);
+        let camera = aimed.map_or(staged.camera, |aimed| aimed.to_y_up(up));
         let mut scene = opened.project.scene.clone();
         let mut project = opened.plain.clone();
         if let Some((particles, tints)) = tinted {
@@ -376,7 +395,7 @@ impl Drawer {
         };
         let standing = series::standing(&loader).filter(|_| !described);
         let describe = |own: &Self| {
-            let notices = own.notices(&loaded, &scene, (camera, size), described);
+            let notices = own.notices(&loaded, &scene, (&camera, size), described);
             standing.into_iter().map(str::to_owned).chain(notices).collect()
         };
         let (rgba, images, radiance, notices);
@@ -387,7 +406,6 @@ impl Drawer {
             radiance = self.keep_radiance();
             rgba = drawing.wait_rgba()?.into_raw();
         } else {
-            let up = loader.up().0;
             let views: Vec<_> = views.iter().map(|camera| camera.to_y_up(up).view()).collect();
             let pictures = self.offscreen.draw_views(frame_input, &views)?;
             images = Vec::new();
@@ -404,9 +422,9 @@ impl Drawer {
             rgba,
             radiance,
             images,
-            camera: *own_camera,
+            camera: own_camera,
             project,
-            up: loader.up().0,
+            up,
             radius: loaded.splats.radius,
             scale,
             particles: loaded.particles,
@@ -486,98 +504,4 @@ fn to_python<'py>(
     result.set_item("seconds", drawn.seconds)?;
     result.set_item("notices", drawn.notices)?;
     Ok(result)
-}
-
-/// The kinds of the images with these names: kinds, `all`, or single images as `front.depth`.
-fn chosen(names: &[String]) -> PyResult<Vec<Aov>> {
-    let mut chosen = Vec::new();
-    for name in names {
-        let kind = match name.split_once('.') {
-            Some((layer, kind)) if is_layer(layer, kind) => kind,
-            Some(("caustics", _)) => "caustics",
-            _ => name,
-        };
-        for aov in aov::parse_list(kind).map_err(|e| errors::raise(e.into()))? {
-            if !chosen.contains(&aov) {
-                chosen.push(aov);
-            }
-        }
-    }
-    Ok(chosen)
-}
-
-/// The layers of an image, by their names in EXR files and here.
-const LAYERS: [(&str, &str); 4] = [
-    ("aggregate_front", "front"),
-    ("aggregate_back", "back"),
-    ("splash_front", "splash_front"),
-    ("splash_back", "splash_back"),
-];
-
-/// Whether there is an image of this kind of a layer.
-fn is_layer(layer: &str, kind: &str) -> bool {
-    let smooth = ["smooth_depth", "smooth_normal"].contains(&kind);
-    match layer {
-        "front" | "back" => smooth || ["depth", "normal"].contains(&kind),
-        _ => ["depth", "normal"].contains(&kind) && LAYERS.iter().any(|(_, known)| *known == layer),
-    }
-}
-
-/// Kind and name of the image that a channel belongs to, as `depth` and `front.depth`.
-fn image_of(part: &str, channel: &str) -> (String, String) {
-    let components: Vec<&str> = channel.split('.').collect();
-    if let Some(light) = part.strip_prefix("caustics.") {
-        return ("caustics".into(), format!("caustics.{light}.{}", components[0]));
-    }
-    let kind = components[0].to_owned();
-    let layer = components.get(1).and_then(|name| LAYERS.iter().find(|(known, _)| known == name));
-    let name = layer.map_or_else(|| kind.clone(), |(_, layer)| format!("{layer}.{kind}"));
-    (kind, name)
-}
-
-/// Images by name: of shape (height, width), or (height, width, channels) for several channels.
-fn images<'py>(
-    py: Python<'py>,
-    parts: Vec<Part>,
-    wanted: &[String],
-) -> PyResult<Bound<'py, PyDict>> {
-    let found = PyDict::new(py);
-    for Part { name: part, size, channels } in parts {
-        let mut groups: Vec<(String, String, Vec<Channel>)> = Vec::new();
-        for channel in channels {
-            let (kind, name) = image_of(&part, &channel.name);
-            match groups.iter_mut().find(|(_, known, _)| *known == name) {
-                Some((_, _, channels)) => channels.push(channel),
-                None => groups.push((kind, name, vec![channel])),
-            }
-        }
-        for (kind, name, mut channels) in groups {
-            if !wanted.iter().any(|wanted| *wanted == name || *wanted == kind || wanted == "all") {
-                continue;
-            }
-            // Masks of fluids are a list, however many there are.
-            if channels.len() == 1 && kind != "mask" {
-                let shape = [size.y as usize, size.x as usize];
-                let values = channels.remove(0).values;
-                found.set_item(name, values.into_pyarray(py).reshape(shape)?)?;
-            } else {
-                found.set_item(name, interleaved(py, size, &channels)?)?;
-            }
-        }
-    }
-    Ok(found)
-}
-
-/// Channels as an array of shape (height, width, channels).
-fn interleaved<'py>(
-    py: Python<'py>,
-    size: UVec2,
-    channels: &[Channel],
-) -> PyResult<Bound<'py, PyArray3<f32>>> {
-    let (count, pixels) = (channels.len(), size.x as usize * size.y as usize);
-    let mut values = Vec::with_capacity(count * pixels);
-    for i in 0..pixels {
-        values.extend(channels.iter().map(|channel| channel.values[i]));
-    }
-    values.into_pyarray(py).reshape([size.y as usize, size.x as usize, count])
 }

@@ -7,15 +7,19 @@ use limpid::liquid::{Particles, Up};
 use limpid::look::Framing;
 use limpid_io::adjustments::Adjustments;
 use limpid_io::camera_axes::CameraAxes;
-use limpid_io::input::Input;
+use limpid_io::color_by::{Attribute, ColorBy, ColorRange, Values};
+use limpid_io::input::{FrameTime, Input, Loader};
 use limpid_io::open::{Opened, Request};
+use limpid_io::particles::ReadOptions;
 use limpid_io::project::{LiquidSource, Project};
+use numpy::IntoPyArray as _;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::camera::{Camera, Kind};
-use crate::colors::of_values;
 use crate::series::unmeasured;
-use crate::{scene, work};
+use crate::{arrays, colors, errors, scene, work};
 
 /// Properties that decide how particles are drawn, apart from the picture.
 #[derive(Clone, Default)]
@@ -35,8 +39,10 @@ pub(crate) struct Setting {
     pub(crate) motion: bool,
     /// Whether the particles are in metres, whatever the unit of the scene's files.
     pub(crate) in_metres: bool,
-    /// Whether values colour the particles, which needs an opaque liquid.
-    pub(crate) shows_values: bool,
+    /// The attribute that colours the particles, which needs an opaque liquid, and its map and range.
+    pub(crate) colors: Adjustments,
+    /// Whether that attribute is an array of the caller's, of which the scene knows nothing.
+    pub(crate) takes_values: bool,
 }
 
 /// Particles in their scene.
@@ -55,14 +61,14 @@ impl Setting {
     /// As [`Request::open_from`].
     pub(crate) fn stage(&self, mut input: Input) -> limpid_io::Result<Staged> {
         // Values have another look than other particles without a scene.
-        let says_nothing = |own: &&Project| self.shows_values && **own == unmeasured(None);
+        let says_nothing = |own: &&Project| self.takes_values && **own == unmeasured(None);
         let given = self.project.as_ref().filter(|own| !says_nothing(own));
         let is_alike = |project: Option<&Project>| project.is_none_or(|own| !own.has_directions());
         let is_bare = is_alike(given) && is_alike(input.project.as_ref());
         let aimed = self.camera.and_then(|camera| camera.camera());
         if let Some(mut project) = given.cloned() {
             // Those of an earlier picture.
-            project.color_by = project.color_by.filter(|by| by.attribute != of_values());
+            project.color_by = project.color_by.filter(|by| by.attribute != colors::of_values());
             // A complete scene is not measured, which takes time; the camera is replaced below.
             let placeholder = || {
                 self.camera
@@ -82,16 +88,12 @@ impl Setting {
         let request = Request {
             radius: self.radius,
             overrides,
-            adjustments: Adjustments {
-                up,
-                color_by: self.shows_values.then(of_values),
-                ..Adjustments::default()
-            },
+            adjustments: Adjustments { up, ..self.colors.clone() },
             framing: self.framing,
             ..Request::default()
         };
         let mut opened = request.open_from(input)?;
-        if self.shows_values {
+        if self.takes_values {
             let own = self.project.as_ref().and_then(|project| project.color_by.clone());
             opened.plain.color_by.clone_from(&own);
             opened.project.color_by = own;
@@ -121,9 +123,28 @@ pub(crate) fn up(name: Option<&str>) -> PyResult<Option<Up>> {
         Some("z") => Ok(Some(Up::Z)),
         Some(other) => {
             let problem = format!("up is {other:?}; expected \"y\" or \"z\"");
-            Err(pyo3::exceptions::PyValueError::new_err(problem))
+            Err(PyValueError::new_err(problem))
         }
     }
+}
+
+/// The properties that decide how files are drawn.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Opening<'py> {
+    project: Option<PyRef<'py, scene::Project>>,
+    camera: Option<PyRef<'py, Camera>>,
+    up: Option<String>,
+    radius: Option<f32>,
+    samples: Option<u32>,
+    size: (u32, u32),
+    alpha: bool,
+    motion: bool,
+    values: Option<String>,
+    colormap: Option<String>,
+    range: Option<(f32, f32)>,
+    /// Whether the range is that of the values, whatever the scene has.
+    automatic: bool,
 }
 
 /// The frames of particle files, in a scene that is the same for all.
@@ -137,32 +158,37 @@ pub(crate) struct Frames {
 impl Frames {
     /// Opens a file, a pattern, a folder or a scene file.
     #[staticmethod]
-    #[pyo3(signature = (source, project, camera, up, radius, samples, size))]
-    #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
-    fn open(
-        py: Python<'_>,
-        source: PathBuf,
-        project: Option<PyRef<'_, scene::Project>>,
-        camera: Option<PyRef<'_, Camera>>,
-        up: Option<&str>,
-        radius: Option<f32>,
-        samples: Option<u32>,
-        size: (u32, u32),
-    ) -> PyResult<Self> {
+    fn open(py: Python<'_>, source: PathBuf, opening: Opening<'_>) -> PyResult<Self> {
+        let color_range = match opening.range {
+            Some((low, high)) => Some(ColorRange::Of([low, high])),
+            None => opening.automatic.then_some(ColorRange::Auto),
+        };
         let setting = Setting {
-            project: project.map(|project| project.project()),
-            camera: camera.map(|camera| *camera),
-            up: self::up(up)?,
-            radius,
-            samples,
-            framing: Framing::of(size.into()),
+            project: opening.project.map(|project| project.project()),
+            camera: opening.camera.map(|camera| *camera),
+            up: up(opening.up.as_deref())?,
+            radius: opening.radius,
+            samples: opening.samples,
+            framing: Framing::of(opening.size.into()),
+            alpha: opening.alpha,
+            motion: opening.motion,
+            colors: Adjustments {
+                color_by: opening.values.as_deref().map(Attribute::from),
+                colormap: opening.colormap.as_deref().map(colors::map_named).transpose()?,
+                color_range,
+                ..Adjustments::default()
+            },
             ..Setting::default()
         };
         let staged = work::run(py, move |_| setting.stage(Input::open(&source)?))?;
-        let input = &staged.opened.loader;
-        let all = || input.sequence.frames.iter().map(|frame| frame.number).collect();
-        let numbers = input.frame.map_or_else(all, |frame| vec![frame]);
+        let numbers = numbers(&staged.opened.loader);
         Ok(Self { staged: Arc::new(staged), numbers })
+    }
+
+    /// The numbers of the frames.
+    #[getter]
+    fn numbers(&self) -> Vec<i64> {
+        self.numbers.clone()
     }
 
     fn __len__(&self) -> usize {
@@ -176,8 +202,117 @@ impl Frames {
     }
 }
 
+/// The frames that a user sees: all, or the one that the scene selects.
+fn numbers(loader: &Loader) -> Vec<i64> {
+    let all = || loader.sequence.frames.iter().map(|frame| frame.number).collect();
+    loader.frame.map_or_else(all, |frame| vec![frame])
+}
+
+/// The particles of files, read frame by frame.
+#[pyclass(frozen, module = "limpid._limpid")]
+pub(crate) struct Series {
+    loader: Loader,
+    values: Option<Attribute>,
+    /// The axis that points up, and the length of the unit, if the files tell neither.
+    up: Up,
+    scale: f64,
+    /// The numbers of the frames.
+    #[pyo3(get)]
+    numbers: Vec<i64>,
+    /// The radius that a scene gives, m.
+    #[pyo3(get)]
+    radius: Option<f64>,
+}
+
+#[pymethods]
+impl Series {
+    /// Opens a file, a pattern, a folder or a scene file.
+    #[staticmethod]
+    #[pyo3(signature = (source, map, select, skip_invalid, up, scale, values))]
+    #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
+    fn open(
+        py: Python<'_>,
+        source: PathBuf,
+        map: Option<String>,
+        select: Option<String>,
+        skip_invalid: bool,
+        up: Option<&str>,
+        scale: Option<f64>,
+        values: Option<&str>,
+    ) -> PyResult<Self> {
+        let up = self::up(up)?;
+        let values = values.map(Attribute::from);
+        let shown = values.clone();
+        let input = work::run(py, move |_| {
+            let options = ReadOptions {
+                map: map.map(|text| text.parse()).transpose()?.unwrap_or_default(),
+                select: select.map(|text| text.parse()).transpose()?.unwrap_or_default(),
+                skip_invalid,
+                ..ReadOptions::default()
+            };
+            let mut input = Input::open(&source)?.with_options(&options);
+            if let Some(shown) = shown {
+                input.loader = input.loader.colored_by(Some(ColorBy::new(shown)));
+            }
+            Ok(input)
+        })?;
+        let radius = input.project.as_ref().and_then(|project| {
+            let of_files = project.source.files().first().and_then(|files| files.radius);
+            let simulated = || Some(project.source.simulation()?.particle_radius());
+            of_files.map(f64::from).or_else(simulated)
+        });
+        if input.project.is_some() && (up.is_some() || scale.is_some()) {
+            let problem = "up and scale are those of the scene file; give neither";
+            return Err(PyValueError::new_err(problem));
+        }
+        let (up, scale) = (up.unwrap_or_default(), scale.unwrap_or(1.0));
+        let numbers = numbers(&input.loader);
+        Ok(Self { loader: input.loader, values, up, scale, numbers, radius })
+    }
+
+    /// Frames per second, if the scene or the files have them.
+    #[getter]
+    fn fps(&self) -> Option<f64> {
+        self.loader.fps()
+    }
+
+    /// The arrays of a frame by name, y up and in metres, and what was left out or understood in a way of its own.
+    fn read<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+    ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
+        let (loader, number) = (self.loader.clone(), self.numbers[index]);
+        let mut contents = work::run(py, move |_| loader.contents(FrameTime::at(number)))?;
+        contents.particles.to_y_up(self.up);
+        contents.particles.scale(self.scale);
+        let shown = match &self.values {
+            Some(attribute) => Some(
+                attribute
+                    .values(&contents.particles)
+                    .ok_or_else(|| errors::error(format!("frame {number} has no {attribute}")))?,
+            ),
+            None => None,
+        };
+        let remarks = contents.remarks.iter().map(ToString::to_string).collect();
+        let arrays = arrays::to_arrays(py, contents.particles)?;
+        match shown {
+            Some(Values::Colors(colors)) => {
+                arrays.set_item("colors", arrays::vectors(py, colors)?)?;
+            }
+            Some(values) => {
+                let values = values.scalars().unwrap_or_default();
+                arrays.set_item("values", values.into_pyarray(py))?;
+            }
+            None => {}
+        }
+        Ok((arrays, remarks))
+    }
+}
+
 /// Source of a picture: particles, or a frame of files.
 pub(crate) enum Source {
     Particles(Arc<Particles>, Box<Setting>),
-    Frame(Arc<Staged>),
+    /// From this camera, in the world of the particles, instead of the scene's.
+    Frame(Arc<Staged>, Option<Box<Camera>>),
 }

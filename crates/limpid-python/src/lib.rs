@@ -9,6 +9,7 @@ mod device;
 mod errors;
 mod film;
 mod frames;
+mod images;
 mod numbers;
 mod pictures;
 mod scene;
@@ -36,14 +37,16 @@ fn limpid_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<device::Radiance>()?;
     module.add_class::<film::FilmFile>()?;
     module.add_class::<frames::Frames>()?;
+    module.add_class::<frames::Series>()?;
     module.add_class::<scene::Project>()?;
     module.add_function(wrap_pyfunction!(arrays::read, module)?)?;
     module.add_function(wrap_pyfunction!(arrays::write, module)?)?;
     module.add_function(wrap_pyfunction!(colors::colormap, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::legend, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::encode, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::flip, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::load, module)?)?;
-    module.add_function(wrap_pyfunction!(pictures::png, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::numbered, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::save, module)?)?;
     module.add_function(wrap_pyfunction!(work::finish, module)?)?;
     module.add_function(wrap_pyfunction!(main, module)?)

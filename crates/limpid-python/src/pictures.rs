@@ -1,23 +1,23 @@
 //! Pictures: encoding, writing and comparing them.
 
-use std::path::PathBuf;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
-use glam::UVec2;
 use image::{DynamicImage, RgbImage, RgbaImage};
-use limpid::aov::{Channel, Part};
+use limpid::aov::Part;
 use limpid_io::color_by::{ColorScale, MapName};
 use limpid_io::exr;
-use limpid_io::output::{self, PictureFormat};
+use limpid_io::output::{self, FileKind, OutputNames, PictureFormat, write_atomically};
 use limpid_io::overlay;
 use limpid_lab::compare;
 use numpy::ndarray::ArrayView3;
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 
 use crate::numbers::short;
-use crate::work;
+use crate::{errors, images, work};
 
 /// The colours of an array of shape (height, width, 3 or 4).
 pub(crate) fn rgb(pixels: ArrayView3<'_, u8>) -> RgbImage {
@@ -48,25 +48,6 @@ fn picture(pixels: ArrayView3<'_, u8>, alpha: bool) -> PyResult<DynamicImage> {
     Ok(picture.expect("each pixel has four bytes").into())
 }
 
-/// The bytes of a PNG.
-#[pyfunction]
-pub(crate) fn png<'py>(
-    py: Python<'py>,
-    rgba: &Bound<'py, PyArray3<u8>>,
-    alpha: bool,
-) -> PyResult<Bound<'py, PyBytes>> {
-    let picture = picture(rgba.try_readonly()?.as_array(), alpha)?;
-    let bytes =
-        work::run(py, move |_| {
-            let mut bytes = Vec::new();
-            output::encode_png(&mut bytes, &picture, &[]).map_err(|source| {
-                limpid_io::Error::Io { path: "PNG".into(), action: "encode", source }
-            })?;
-            Ok(bytes)
-        })?;
-    Ok(PyBytes::new(py, &bytes))
-}
-
 /// Name and unit of values, and the map and the range that show them.
 #[derive(FromPyObject, IntoPyObject)]
 pub(crate) struct Scale(String, String, String, (f64, f64));
@@ -95,34 +76,77 @@ pub(crate) fn legend<'py>(
     picture.into_rgba8().into_raw().into_pyarray(py).reshape(shape)
 }
 
-/// Writes a picture in the format of the extension: `.exr` the radiance, others the 8-bit picture.
+/// The contents of a picture's file.
+enum Encoded {
+    Bytes(Vec<u8>),
+    Images(Vec<Part>),
+}
+
+/// A picture, to be encoded.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Pixels<'py> {
+    rgba: Bound<'py, PyArray3<u8>>,
+    alpha: bool,
+    /// Linear, for `.exr`.
+    radiance: Option<Bound<'py, PyArray3<f32>>>,
+    /// For `.exr`, by their names.
+    aov: Bound<'py, PyDict>,
+}
+
+impl Pixels<'_> {
+    /// The picture in the format of an extension: `exr` the radiance and the intermediate images, others the 8-bit picture.
+    fn encoded(&self, py: Python<'_>, extension: &str) -> PyResult<Encoded> {
+        // The name is for the format, and for messages.
+        let name = PathBuf::from(format!("picture.{extension}"));
+        let format = PictureFormat::of(&name).map_err(errors::raise)?;
+        if format == PictureFormat::Exr
+            && let Some(radiance) = &self.radiance
+        {
+            let radiance = radiance.try_readonly()?;
+            return Ok(Encoded::Images(images::parts(radiance.as_array(), &self.aov)?));
+        }
+        let picture = picture(self.rgba.try_readonly()?.as_array(), self.alpha)?;
+        let encoded = work::run(py, move |_| {
+            let mut bytes = Vec::new();
+            output::encode_picture(&name, &picture, &[], &mut bytes)?;
+            Ok(bytes)
+        });
+        encoded.map(Encoded::Bytes)
+    }
+}
+
+/// The bytes of a picture in the format of an extension.
+#[pyfunction]
+pub(crate) fn encode<'py>(
+    py: Python<'py>,
+    extension: &str,
+    pixels: Pixels<'py>,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let bytes = match pixels.encoded(py, extension)? {
+        Encoded::Bytes(bytes) => bytes,
+        Encoded::Images(parts) => work::run(py, move |_| {
+            let failed = |e| limpid_io::Error::io(Path::new("EXR"), "encode", e);
+            exr::to_bytes(parts).map_err(failed)
+        })?,
+    };
+    Ok(PyBytes::new(py, &bytes))
+}
+
+/// Writes a picture in the format of an extension.
 #[pyfunction]
 pub(crate) fn save(
     py: Python<'_>,
     path: PathBuf,
-    rgba: &Bound<'_, PyArray3<u8>>,
-    alpha: bool,
-    radiance: Option<&Bound<'_, PyArray3<f32>>>,
+    extension: &str,
+    pixels: Pixels<'_>,
 ) -> PyResult<()> {
-    let picture = picture(rgba.try_readonly()?.as_array(), alpha)?;
-    let radiance = match radiance {
-        Some(radiance) => {
-            let texels = radiance.try_readonly()?;
-            let texels = texels.as_array();
-            let (height, width, count) = texels.dim();
-            let channels = ["R", "G", "B", "A"].into_iter().take(count).enumerate();
-            let channels = channels.map(|(i, name)| Channel {
-                name: name.into(),
-                values: texels.rows().into_iter().map(|texel| texel[i]).collect(),
-            });
-            let size = UVec2::new(width as u32, height as u32);
-            Some(Part { name: String::new(), size, channels: channels.collect() })
+    let encoded = pixels.encoded(py, extension)?;
+    work::run(py, move |_| match encoded {
+        Encoded::Images(parts) => exr::write(&path, parts),
+        Encoded::Bytes(bytes) => {
+            write_atomically(&path, FileKind::PICTURE, |file| file.write_all(&bytes))
         }
-        None => None,
-    };
-    work::run(py, move |_| match (PictureFormat::of(&path)?, radiance) {
-        (PictureFormat::Exr, Some(radiance)) => exr::write(&path, vec![radiance]),
-        _ => output::write_picture(&path, &picture, &[]),
     })
 }
 
@@ -146,4 +170,13 @@ pub(crate) fn load(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyArray3
     let picture = work::run(py, move |_| compare::load_picture(&path))?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     picture.into_raw().into_pyarray(py).reshape([height, width, 3])
+}
+
+/// The path of a picture of a series, by a name with a place for the number, or in a folder, which is created.
+#[pyfunction]
+pub(crate) fn numbered(output: PathBuf, number: i64) -> PyResult<PathBuf> {
+    const SEVERAL: usize = 2;
+    let names = OutputNames::parse(output, SEVERAL).map_err(errors::raise)?;
+    names.create_folder().map_err(errors::raise)?;
+    Ok(names.path(number))
 }

@@ -34,13 +34,15 @@ pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Arc<AtomicBool>) -> limpid_io::Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    run_interruptible(py, Arc::default(), work)
+    run_interruptible(py, Arc::default(), None, work)
 }
 
-/// As [`run`], with the flag that `work` watches.
+/// As [`run`], with the flag that `work` watches, and a function of Python that is called again and again meanwhile; its
+/// exceptions end the work, too.
 pub(crate) fn run_interruptible<T: Send + 'static>(
     py: Python<'_>,
     interrupt: Arc<AtomicBool>,
+    tick: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Arc<AtomicBool>) -> limpid_io::Result<T> + Send + 'static,
 ) -> PyResult<T> {
     check_process()?;
@@ -64,7 +66,8 @@ pub(crate) fn run_interruptible<T: Send + 'static>(
             Ok(Err(_)) | Err(RecvTimeoutError::Disconnected) => return Err(errors::panicked()),
             Err(RecvTimeoutError::Timeout) => {}
         }
-        if let Err(exception) = py.check_signals() {
+        let ticked = || tick.map_or(Ok(()), |tick| tick.call0().map(drop));
+        if let Err(exception) = py.check_signals().and_then(|()| ticked()) {
             // Not of work that has ended: others may use its flag by now.
             let at_work = locked();
             if at_work.iter().any(|flag| Arc::ptr_eq(flag, &interrupt)) {
