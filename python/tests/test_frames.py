@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
 
 import numpy as np
@@ -148,3 +149,15 @@ def test_a_film_of_frames_is_one_of_the_files(renderer, files, tmp_path):
         pictures = list(renderer.film(files, tmp_path / "a.gif", **{**keywords, "radius": 50}, up="z"))
     assert [p.colormap for p in pictures] == ["plasma"] * 3
     assert len({p.range for p in pictures}) == 1
+
+
+def test_the_range_of_files_own_values_may_replace_the_scenes(renderer, ball, tmp_path):
+    limpid.write(tmp_path / "a.npz", ball, velocities=ball, radius=0.05)
+    (tmp_path / "a.toml").write_text('look = "paint"\n[liquid]\ncolor_by = "velocity"\ncolor_range = [0, 9]\n')
+    draw = functools.partial(renderer.render, tmp_path / "a.npz", size=SMALL)
+    own = draw(values="velocity").range
+    given = draw(scene=tmp_path / "a.toml")
+    assert given.range == (0, 9) != own
+    whole = draw(scene=given.scene, range="auto")
+    assert whole.range == own == draw(scene=whole.scene).range
+    assert draw(range="auto").range is None, "without values there is no range"

@@ -85,10 +85,17 @@ impl Setting {
         let up = self.up.or_else(|| self.camera.filter(|_| is_bare)?.likely_up());
         let mut overrides = Vec::from_iter(self.samples.map(|n| format!("refract.samples={n}")));
         overrides.extend(self.alpha.then(|| "refract.transparent=true".to_owned()));
+        let mut adjustments = Adjustments { up, ..self.colors.clone() };
+        let shown = input.project.as_ref().and_then(|project| project.color_by.as_ref());
+        if shown.is_none() && adjustments.color_by.is_none() {
+            // As without values in arrays.
+            adjustments.color_range =
+                adjustments.color_range.filter(|range| *range != ColorRange::Auto);
+        }
         let request = Request {
             radius: self.radius,
             overrides,
-            adjustments: Adjustments { up, ..self.colors.clone() },
+            adjustments,
             framing: self.framing,
             ..Request::default()
         };
