@@ -71,7 +71,8 @@ fn wait(
 ) {
     let start = Instant::now();
     while !condition(harness) {
-        assert!(start.elapsed() < PATIENCE, "not in time: {what}");
+        let notices = harness.state().notices();
+        assert!(start.elapsed() < PATIENCE, "not in time: {what}; notices: {notices:?}");
         std::thread::sleep(Duration::from_millis(5));
         harness.step();
     }

@@ -51,7 +51,8 @@ fn type_path(harness: &mut Harness<'static, Viewer>, path: &Path) {
 fn files_are_replaced_after_a_question() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mine.png");
-    fs::write(&path, "mine").expect("it is written");
+    image::RgbImage::new(2, 3).save(&path).expect("it is written");
+    let mine = fs::read(&path).expect("a file");
     let mut harness = harness(sequence(), [700.0, 400.0]);
     until(&mut harness, "a picture at rest", Viewer::is_at_rest);
     open_dialog(&mut harness, Key::S);
@@ -59,7 +60,7 @@ fn files_are_replaced_after_a_question() {
     assert!(Path::new(&proposed).is_absolute() && !Path::new(&proposed).exists(), "{proposed}");
     type_path(&mut harness, &path);
     press(&mut harness, "Save");
-    assert_eq!(fs::read(&path).expect("a file"), b"mine");
+    assert_eq!(fs::read(&path).expect("a file"), mine);
     let asks = |harness: &Harness<'static, Viewer>| {
         harness.query_all_by_label_contains("exists. Replace it").next().is_some()
     };
@@ -70,7 +71,7 @@ fn files_are_replaced_after_a_question() {
     type_path(&mut harness, &path);
     press(&mut harness, "Replace");
     until_saved(&mut harness);
-    image::open(&path).expect("a picture");
+    assert_ne!(image::open(&path).expect("a picture").dimensions(), (2, 3));
     let text = format!("saved {}", path.display());
     assert!(harness.state().notices().iter().any(|notice| notice.text == text));
     // The next picture goes beside it, under a name that is free.
