@@ -34,7 +34,7 @@ Tick = Callable[[], None]
 
 @dataclass(eq=False, kw_only=True)
 class Request:
-    """What is asked of a picture, apart from the positions: see `Renderer.render`.
+    """The arguments of a picture, apart from the positions: see `Renderer.render`.
 
     The arrays are checked with the positions, all else here.
     """
@@ -137,7 +137,7 @@ def opened(source: PathLike, request: Request) -> _limpid.Frames:
 
 
 def ticking(progress: Progress | None, done: int, total: int | None) -> Tick | None:
-    """What is called while a picture is drawn, for a user's function."""
+    """A callback of a picture that is drawn, for a user's function."""
     if progress is None:
         return None
     told = progress

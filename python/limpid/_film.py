@@ -143,7 +143,7 @@ class Film(Closing, Iterator[Picture]):
         return rate
 
     def _output(self, path: PathLike | None, fps: float) -> _Video | _Pictures:
-        """What the pictures are written to."""
+        """The writer of the pictures."""
         size = self._request.size
         if path is None:
             folder = tempfile.mkdtemp(prefix="limpid-")
@@ -248,7 +248,7 @@ class Film(Closing, Iterator[Picture]):
         return self._labelled(picture)
 
     def _next(self) -> dict[str, Any]:
-        """What the next picture has of its own."""
+        """The next picture's own arguments."""
         own = {}
         for name, values in self._own.items():
             try:

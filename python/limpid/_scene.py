@@ -494,7 +494,7 @@ def _tables(name: str, values: Any, table_of: Callable[[str, Any], Table]) -> li
 
 
 class Parts(Strict, MutableSequence[T], Generic[T]):
-    """The solids or the lights of a scene, a list: what is changed in it is changed in the scene."""
+    """The solids or the lights of a scene, a list: its changes are those of the scene."""
 
     def __init__(self, scene: Scene, table: str) -> None:
         self._scene = scene

@@ -93,7 +93,7 @@ def orbited(camera: Camera, right: float, up: float, nearer: float) -> Camera:
 
 
 class Orbiting:
-    """What the widget adds to those of anywidget: `shown` is the `Picture`, `camera` its camera."""
+    """Attributes beside those of anywidget: `shown` is the `Picture`, `camera` its camera."""
 
     picture: bytes
     send: Callable[[Any], None]

@@ -1,4 +1,4 @@
-"""The examples: what is stored of them, and their types. `scripts/python.sh --all` runs the notebook."""
+"""The examples: their stored outputs, and their types. `scripts/python.sh --all` runs the notebook."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is written: signatures, errors of arguments, representations."""
+"""Words: signatures, errors of arguments, representations."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def _drawn(world, frame, wait):
 
 
 def _key(world):
-    """What the picture of a world depends on, as a text."""
+    """The inputs of a world's picture, as a text."""
     described = json.dumps(_described(world.node_tree, set()), sort_keys=True)
     return hashlib.sha256(described.encode()).hexdigest()
 

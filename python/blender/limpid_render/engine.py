@@ -10,7 +10,7 @@ from . import passes
 from .errors import Problem, Stopped, line, line_of
 from .report import Report
 
-# What is drawn otherwise than by Blender's own engines; said once, and again by the next render.
+# Differences from Blender's own engines; said once, and again by the next render.
 _report = Report()
 
 # Shares of a picture's time that are shown as done before it is drawn, and after.

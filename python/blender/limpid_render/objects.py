@@ -77,7 +77,7 @@ def _of_system(system, rate):
 
 
 def _of_geometry(depsgraph, thing):
-    """What the geometry of an object is made of, and its parts, in Blender's world."""
+    """The kind of an object's geometry, and its parts, in Blender's world."""
     parts, instances = defaultdict(list), []
     for instance in depsgraph.object_instances:
         if not is_part(instance, thing):

@@ -70,7 +70,7 @@ def _depth(aov):
 
 
 def _places(camera, depth):
-    """What is seen in each pixel, in view space."""
+    """The first surface in each pixel, in view space."""
     height, width = depth.shape
     matrix = camera.projection
     across = (np.arange(width) + 0.5) / width * 2.0 - 1.0

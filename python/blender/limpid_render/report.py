@@ -9,7 +9,7 @@ _LISTED = 6
 
 
 class Report:
-    """What is drawn otherwise, or not at all, by what happens instead. Says each thing once."""
+    """Omissions and substitutes of a render, by the substitute. Says each thing once."""
 
     def __init__(self):
         self._found = {}

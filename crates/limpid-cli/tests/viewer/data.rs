@@ -1,4 +1,4 @@
-//! What is open: the title of the window, the data in the panel, and everything that can be opened.
+//! The open data: the title of the window, the data in the panel, and everything that can be opened.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

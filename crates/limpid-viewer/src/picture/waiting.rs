@@ -1,4 +1,4 @@
-//! What the screen waits for, if it is late.
+//! The note on a late answer.
 
 use std::time::Duration;
 

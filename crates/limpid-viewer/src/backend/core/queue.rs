@@ -1,7 +1,7 @@
 //! Queue of pictures to draw, and their delivery.
 //!
 //! Of pictures for the screen only the newest request counts, and older ones are dropped; pictures to save and to
-//! measure are all drawn, in order. Whatever takes long is ended early for a newer request: a picture to save or to
+//! measure are all drawn, in order. Long work is ended early for a newer request: a picture to save or to
 //! measure is begun again after that.
 
 use std::collections::VecDeque;
@@ -41,12 +41,12 @@ pub enum Job {
 pub struct Queue {
     newest: Option<Request>,
     jobs: VecDeque<Job>,
-    /// What is being drawn.
+    /// The drawing at work.
     current: Current,
     closed: bool,
 }
 
-/// What is being drawn.
+/// The drawing at work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Current {
     /// Nothing, or a coarse picture: if these were ended early, a camera that moves would show none.
