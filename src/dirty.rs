@@ -19,6 +19,8 @@ pub(crate) struct LastFrame {
     splats: Splats,
     config: ViewConfig,
     diagnosed: bool,
+    /// Whether its radiance was not [taken](crate::renderer::Renderer::take_radiance).
+    has_radiance: bool,
 }
 
 /// The data that must be uploaded or drawn again.
@@ -76,7 +78,8 @@ impl Dirty {
             || old.refract != new.refract
             || last.scene.environment != scene.environment
             || last.scene.background != scene.background
-            || last.diagnosed != diagnose;
+            || last.diagnosed != diagnose
+            || !last.has_radiance;
         Self { splats, lights, surfaces, radiance }
     }
 }
@@ -104,7 +107,13 @@ impl LastFrame {
             kept.colors = colors.cloned();
             kept.opaque.clone_from(&splats.opaque);
         }
-        Self { scene: scene.clone(), view, splats: kept, config, diagnosed: diagnose }
+        let scene = scene.clone();
+        Self { scene, view, splats: kept, config, diagnosed: diagnose, has_radiance: true }
+    }
+
+    /// Its radiance is drawn anew for the next frame, even if that is the same.
+    pub(crate) fn lose_radiance(&mut self) {
+        self.has_radiance = false;
     }
 }
 

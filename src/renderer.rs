@@ -264,8 +264,7 @@ impl Renderer {
     /// Takes the linear picture of the last frame, as [`Renderer::radiance`], for a caller who reads it later or
     /// never. The next frame is drawn into `spare` if that has its size: one that was taken before.
     pub fn take_radiance(&mut self, spare: Option<wgpu::Texture>) -> wgpu::Texture {
-        // The images of this frame are no more those of the renderer.
-        self.last = None;
+        self.last.iter_mut().for_each(LastFrame::lose_radiance);
         self.picture.take_radiance(&self.gpu, spare)
     }
 

@@ -155,6 +155,34 @@ fn changed_inputs_rerun_their_passes() {
     }
 }
 
+/// A caller who takes the radiance of each picture keeps the caustic maps and the layers.
+#[test]
+fn a_radiance_that_was_taken_is_drawn_anew_from_the_same_layers() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(&gpu);
+    let target = Picture::new(&gpu, SIZE).expect("a picture");
+    let mut frame = tank();
+    let mut draw = |Frame { scene, camera, splats }: &Frame| {
+        let input = FrameInput::new(scene, camera, splats, SIZE);
+        let times = renderer.render(FrameInput { timing: true, reuse: true, ..input }, &target);
+        let spare = renderer.take_radiance(None);
+        drop(spare);
+        (times.expect("drawn"), target.read(&gpu).expect("read"))
+    };
+    let (_, first) = draw(&frame);
+    let (times, again) = draw(&frame);
+    assert!(first == again);
+    for name in ["caustics", "splat", "refract"].iter().filter(|_| !times.is_empty()) {
+        assert_eq!(has(&times, name), *name == "refract", "{name}");
+    }
+    frame.camera.eye.x += 0.1;
+    let (times, moved) = draw(&frame);
+    assert!(moved != again);
+    for name in ["caustics", "splat", "refract"].iter().filter(|_| !times.is_empty()) {
+        assert_eq!(has(&times, name), *name != "caustics", "{name}");
+    }
+}
+
 /// A frame that fails leaves nothing behind that the next frame would reuse.
 #[test]
 fn failed_frames_are_not_reused() {
