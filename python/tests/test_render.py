@@ -50,6 +50,30 @@ def test_pictures_are_those_of_the_program(renderer, program, dam, tmp_path, cas
     assert_same_png(tmp_path / "a.png", tmp_path / "b.png")
 
 
+def test_a_picture_from_another_camera_is_that_of_a_new_renderer(dam):
+    """What the last picture left behind serves only the same particles, solids and lights."""
+    middle = dam.mean(axis=0)
+    first = limpid.Camera(middle + (1.5, 1.2, 1.8), middle)
+    scene = limpid.Scene(look="daylight")
+    stone = limpid.Scene(look="daylight", solids=[limpid.Sphere(middle + (0, 0.3, 0), 0.2)])
+    moved = dam + np.float32([0, 0.01, 0])
+    asked = [
+        (dam, dict(scene=scene, camera=first)),
+        (dam, dict(scene=scene, camera=first.turned(40))),
+        (dam, dict(scene=scene, camera=first.turned(40))),
+        (dam, dict(scene=stone, camera=first.turned(40))),
+        (moved, dict(scene=stone, camera=first.turned(40))),
+        (moved, dict(scene=stone, camera=first, radius=0.03)),
+        (moved, dict(scene=stone, camera=first, samples=4)),
+        (moved, dict(scene=stone, camera=first, values=dam[:, 1], range=(0, 1))),
+    ]
+    with limpid.Renderer() as kept:
+        for i, (positions, keywords) in enumerate(asked):
+            picture = kept.render(positions, size=(48, 36), **keywords)
+            with limpid.Renderer() as new:
+                assert np.array_equal(picture, new.render(positions, size=(48, 36), **keywords)), i
+
+
 def test_views_are_pictures_from_each_camera(renderer, dam):
     """With and without coverage, and in a world of z up."""
     for up, axis in (("y", (0, 1, 0)), ("z", (0, 0, 1))):

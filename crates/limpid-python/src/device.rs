@@ -13,11 +13,12 @@ use limpid::liquid::Up;
 use limpid::look::Framing;
 use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingRadiance};
+use limpid::scene::Scene;
 use limpid::wgpu;
 use limpid_cli::PipelineCache;
 use limpid_io::adjustments::Adjustments;
 use limpid_io::color_by::ColorScale;
-use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::input::{FrameTime, Input, Loaded, Loader};
 use limpid_io::notice;
 use limpid_io::project::Project;
 use limpid_io::shared_classifier::SharedClassifier;
@@ -30,6 +31,7 @@ use crate::camera::Camera;
 use crate::colors::{Colored, Coloring};
 use crate::frames::{self, Frames, Setting, Source, Staged};
 use crate::images::{chosen, images, interleaved};
+use crate::kept::{Cause, Kept};
 use crate::numbers::short;
 use crate::{colors, errors, pictures, scene, series, work};
 
@@ -77,6 +79,7 @@ struct Drawer {
     interrupt: Arc<AtomicBool>,
     /// Of the last pictures.
     radiances: VecDeque<Arc<Slot>>,
+    kept: Option<Kept>,
 }
 
 /// The radiance of a picture on the device, while it is kept.
@@ -324,7 +327,8 @@ fn new_drawer(
     };
     let gpu = gpu.with_interrupt(interrupt.clone());
     let offscreen = Offscreen::new(&gpu);
-    Ok(Drawer { offscreen, classifier, interrupt: interrupt.clone(), radiances: VecDeque::new() })
+    let (interrupt, radiances) = (interrupt.clone(), VecDeque::new());
+    Ok(Drawer { offscreen, classifier, interrupt, radiances, kept: None })
 }
 
 impl Drawer {
@@ -339,6 +343,7 @@ impl Drawer {
         let mut tinted = None;
         // The scene that was given.
         let mut given = None;
+        let mut cause = None;
         let staged = match source {
             Source::Frame(staged, camera) => {
                 shared = staged;
@@ -352,6 +357,8 @@ impl Drawer {
                     tinted = colored.tints.take().map(|tints| (particles.clone(), tints));
                 }
                 given = Some(setting.project.clone());
+                let by = colored.by.clone();
+                cause = Some(Cause::new(particles.clone(), frame, &setting, by));
                 owned = setting.stage(Input::from_particles(particles, "positions"))?;
                 &owned
             }
@@ -374,7 +381,8 @@ impl Drawer {
             loader = loader.colored_by(by);
         }
         let started = Instant::now();
-        let loaded = loader.load(FrameTime::at(frame), &scene)?;
+        let cause = cause.map(|cause| cause.in_project(&project, &scene, up));
+        let loaded = self.loaded(&loader, frame, &scene, cause)?;
         self.check()?;
         let scale = if is_given { scale } else { loader.color_scale()? };
         if let Some(scale) = &scale {
@@ -391,6 +399,7 @@ impl Drawer {
         let frame_input = FrameInput {
             surface: aovs.iter().any(interface).then_some(&motion),
             diagnose: !aovs.is_empty(),
+            reuse: true,
             ..FrameInput::new(&of_loaded, camera.view(), &loaded.splats, size)
         };
         let standing = series::standing(&loader).filter(|_| !described);
@@ -406,16 +415,10 @@ impl Drawer {
             radiance = self.keep_radiance();
             rgba = drawing.wait_rgba()?.into_raw();
         } else {
-            let views: Vec<_> = views.iter().map(|camera| camera.to_y_up(up).view()).collect();
-            let pictures = self.offscreen.draw_views(frame_input, &views)?;
+            rgba = self.rgba_of_views(frame_input, &views, up)?;
             images = Vec::new();
             notices = describe(self);
             radiance = self.keep_radiance();
-            rgba = pictures
-                .iter()
-                .map(|picture| picture.as_raw().as_slice())
-                .collect::<Vec<_>>()
-                .concat();
         }
         Ok(Drawn {
             seconds: started.elapsed().as_secs_f64(),
@@ -431,6 +434,37 @@ impl Drawer {
             splashes: loaded.splats.splashes.len(),
             notices,
         })
+    }
+
+    /// Loads a frame, or takes the last one if it is the same.
+    fn loaded(
+        &mut self,
+        loader: &Loader,
+        frame: i64,
+        scene: &Scene,
+        cause: Option<Cause>,
+    ) -> limpid_io::Result<Arc<Loaded>> {
+        if let Some((kept, loaded)) = &self.kept
+            && cause.as_ref() == Some(kept)
+        {
+            return Ok(loaded.clone());
+        }
+        self.kept = None;
+        let loaded = Arc::new(loader.load(FrameTime::at(frame), scene)?);
+        self.kept = cause.map(|cause| (cause, loaded.clone()));
+        Ok(loaded)
+    }
+
+    /// The pixels of all views, one after the other.
+    fn rgba_of_views(
+        &mut self,
+        input: FrameInput<'_>,
+        views: &[Camera],
+        up: Up,
+    ) -> limpid_io::Result<Vec<u8>> {
+        let views: Vec<_> = views.iter().map(|camera| camera.to_y_up(up).view()).collect();
+        let pictures = self.offscreen.draw_views(input, &views)?;
+        Ok(pictures.into_iter().flat_map(image::RgbaImage::into_raw).collect())
     }
 
     /// Fails if the work was interrupted.
@@ -454,7 +488,7 @@ impl Drawer {
     fn notices(
         &self,
         loaded: &Loaded,
-        scene: &limpid::scene::Scene,
+        scene: &Scene,
         (camera, size): (&Camera, UVec2),
         described: bool,
     ) -> Vec<String> {

@@ -10,6 +10,7 @@ mod errors;
 mod film;
 mod frames;
 mod images;
+mod kept;
 mod numbers;
 mod pictures;
 mod scene;
