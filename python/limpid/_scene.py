@@ -38,8 +38,9 @@ T = TypeVar("T")
 class Scene(Strict):
     """Surroundings and look of the liquid.
 
-    Right-handed, y up, metres; linear RGB. Every part can be read and assigned later, too; ``None``
-    stands for a part that the look provides, or that is made to fit.
+    Right-handed, y up, metres; linear RGB. A place or direction (x, y, z) of data with z up, which is drawn with
+    ``up="z"``, is (x, z, -y) here. Every part can be read and assigned later, too; ``None`` stands for a part that the look
+    provides, or that is made to fit.
 
     Parameters
     ----------

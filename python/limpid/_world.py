@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._arrays import Vector
+from ._errors import warn
 
 PathLike = Union[str, "os.PathLike[str]"]
 Look = Optional[Literal["studio", "daylight", "pool", "night", "chart", "paint"]]
@@ -96,6 +97,13 @@ class _Solid:
     lit: bool = field(default=False, kw_only=True)
     keys: Iterable[Key] = field(default=(), kw_only=True)
 
+    def __init_subclass__(cls) -> None:
+        """Adds the parameters of all solids to the documentation."""
+        _, shared = (_Solid.__doc__ or "").split("----------\n", 1)
+        own = (cls.__doc__ or "").rstrip()
+        title = "" if "Parameters\n" in own else "\n\n    Parameters\n    ----------"
+        cls.__doc__ = f"{own}{title}\n{shared}"
+
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
             return NotImplemented
@@ -164,7 +172,7 @@ class Mesh(_Solid):
     translate : three numbers, optional
         Position, m.
     rotate : four numbers, optional
-        Axis and degrees.
+        Axis and degrees: ``(1, 0, 0, -90)`` turns a mesh of a world of z up.
     quaternion : four numbers, optional
         x, y, z, w, instead of `rotate`.
     scale : float, optional
@@ -192,13 +200,19 @@ class Sun:
     Parameters
     ----------
     direction : three numbers
-        The direction in which it travels, of any length.
+        The direction in which it travels, y up, of any length: ``(0, -1, 0)`` shines straight down.
     irradiance : three numbers
         On a surface that faces it, W/m² per channel.
     """
 
     direction: Vector
     irradiance: Vector = (3.0, 3.0, 3.0)
+
+    def __post_init__(self) -> None:
+        direction = np.asarray(self.direction, dtype=object).ravel()
+        if direction.size == 3 and isinstance(direction[1], (int, float)) and direction[1] > 0:
+            problem = f"direction is {self.direction!r}: this sun shines upwards, from below the ground; y points up"
+            warn(problem)
 
 
 @dataclass(frozen=True)

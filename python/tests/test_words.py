@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import pydoc
+import warnings
 
 import numpy as np
 import pytest
@@ -12,6 +13,21 @@ import limpid
 from conftest import SMALL
 
 CAMERA = ((0, 1, 4), (0, 0, 0))
+
+
+def test_solids_tell_what_all_solids_have():
+    for solid in (limpid.Plane, limpid.Box, limpid.Sphere, limpid.Mesh):
+        text = inspect.getdoc(solid)
+        for name in inspect.signature(solid).parameters:
+            assert f"{name}" in text, f"{solid.__name__}: {name}"
+
+
+def test_suns_from_below_are_told():
+    with pytest.warns(limpid.LimpidWarning, match="shines upwards.*y points up"):
+        limpid.Sun((-1, 1, -2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        limpid.Sun((-1, -1, -2))
 
 
 def test_help_has_every_argument():

@@ -343,7 +343,7 @@ impl Drawer {
         let mut tinted = None;
         // The scene that was given.
         let mut given = None;
-        let mut cause = None;
+        let (mut cause, mut bare) = (None, None);
         let staged = match source {
             Source::Frame(staged, camera) => {
                 shared = staged;
@@ -358,6 +358,7 @@ impl Drawer {
                 }
                 given = Some(setting.project.clone());
                 let by = colored.by.clone();
+                bare = Some(particles.clone());
                 cause = Some(Cause::new(particles.clone(), frame, &setting, by));
                 owned = setting.stage(Input::from_particles(particles, "positions"))?;
                 &owned
@@ -402,7 +403,11 @@ impl Drawer {
             reuse: true,
             ..FrameInput::new(&of_loaded, camera.view(), &loaded.splats, size)
         };
-        let standing = series::standing(&loader).filter(|_| !described);
+        let lying = || series::lying(&loader, bare.as_ref()?, loaded.splats.radius);
+        let standing = match described {
+            true => None,
+            false => lying().or_else(|| series::standing(&loader)),
+        };
         let describe = |own: &Self| {
             let notices = own.notices(&loaded, &scene, (&camera, size), described);
             standing.into_iter().map(str::to_owned).chain(notices).collect()

@@ -1,6 +1,6 @@
 //! Properties of a picture that later ones keep, in its scene.
 
-use limpid::liquid::Particles;
+use limpid::liquid::{Particles, Up, likely_up};
 use limpid::look::{Body, Look};
 use limpid_io::color_by::{ColorBy, ColorScale};
 use limpid_io::input::{FrameTime, Loader, UpFrom};
@@ -39,6 +39,15 @@ pub(crate) fn keep_scale(project: &mut Project, scale: &ColorScale) {
 pub(crate) fn unmeasured(given: Option<Project>) -> Project {
     let all = Automatic::all(Look::default());
     given.unwrap_or_else(|| Project { automatic: Some(all), ..Project::default() })
+}
+
+/// The notice of liquid in a scene that was given, whose surface tells that z points up.
+pub(crate) fn lying(loader: &Loader, particles: &Particles, radius: f32) -> Option<&'static str> {
+    let is_assumed = matches!(loader.up(), (Up::Y, UpFrom::Scene | UpFrom::Default));
+    (is_assumed && likely_up(particles, radius) == Some(Up::Z)).then_some(
+        "the liquid looks as if z pointed up, but the scene is drawn with y up; give up=\"z\" if it should lie (a place \
+         (x, y, z) is then (x, z, -y) in the scene), or up=\"y\" if it stands",
+    )
 }
 
 /// The notice of liquid for which y is assumed to point up, and which is thinner along z than along both other axes: a
