@@ -79,7 +79,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let spec = args.frames.clone().or(listed).unwrap_or_default();
     let numbers = spec.numbers(&opened.loader.sequence, Missing::Error)?;
     let project = project_of(&request, &opened, &numbers)?;
-    scene_files::add(&mut site, project, &numbers)?;
+    scene_files::add(&mut site, &project, &numbers)?;
     page::add(&mut site, &page, numbers.len() > 1)?;
     let bytes = site.finish()?;
     let (site, mib) = (args.output.display(), bytes.div_ceil(1 << 20));

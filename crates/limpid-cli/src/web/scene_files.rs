@@ -23,7 +23,7 @@ const LIST: &str = "files.txt";
 ///
 /// # Errors
 /// As [`Project::to_files`], [`Sequence::open`] and [`Site::copy`]; [`Error::Usage`] for what a site cannot have.
-pub(super) fn add(site: &mut Site, project: Project, numbers: &[i64]) -> Result<()> {
+pub(super) fn add(site: &mut Site, project: &Project, numbers: &[i64]) -> Result<()> {
     let path = site.path(SCENE);
     let mut files = project.to_files(&path)?;
     let (_, text) = files.pop().expect("the scene is the last of its files");
@@ -128,7 +128,7 @@ fn copy_sequence(
         site.copy(&first.path, &name)?;
         return Ok(name);
     }
-    let names = OutputNames::parse(&Path::new(folder).join(format!("frame_####{ending}")), 2)?;
+    let names = OutputNames::parse(Path::new(folder).join(format!("frame_####{ending}")), 2)?;
     let mut list = String::new();
     let bar = terminal::progress(frames.len());
     for frame in frames {
