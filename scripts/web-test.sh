@@ -4,7 +4,7 @@
 #
 #     scripts/web-test.sh [--core] [ARGUMENTS OF node --test ...]
 #
-# `--core` is the six tests that CI runs: opening, shaders, files, playing, settings, and the program's pictures.
+# `--core` is the seven tests that CI runs: opening, shaders, files, playing, settings, sites, and the program's pictures.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

@@ -1,14 +1,18 @@
-// Times of pictures in the page, for docs/web.md: `node tests/web/measure.mjs [WIDTHxHEIGHT ...]`, after scripts/web.sh.
+// Times of pictures in the page, for docs/web.md: `node tests/web/measure.mjs [--plain] [WIDTHxHEIGHT ...]`, after
+// scripts/web.sh. `--plain` measures the last case alone: the work of renderers with one layer.
 //
 // The 39,460 particles of sims/cascade.toml, with and without its solids, seen from 11 places of which the first is not
 // counted. A time is from the page's request until the picture is in its memory; `passes` are the device's alone. Medians.
 
 import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
-import { tmpdir } from "node:os";
+import { loadavg, tmpdir } from "node:os";
 import { join } from "node:path";
 import { call, launch, open, root, serve, shows } from "./site.mjs";
 
-const sizes = process.argv.length > 2 ? process.argv.slice(2) : ["320x240", "640x480"];
+const given = process.argv.slice(2);
+const isPlain = given.includes("--plain");
+const named = given.filter((argument) => argument !== "--plain");
+const sizes = named.length > 0 ? named : ["320x240", "640x480"];
 const fewer = ["layers.intervals=1", "refract.interfaces=2"];
 const cases = [
   ["defaults", "cascade.toml", []],
@@ -28,7 +32,7 @@ const browser = await launch();
 const median = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
 for (const size of sizes) {
   const [width, height] = size.split("x").map(Number);
-  for (const [name, file, set] of cases) {
+  for (const [name, file, set] of isPlain ? cases.slice(-1) : cases) {
     const query = new URLSearchParams([["scene", `/sims/${file}`], ["refine", "0"], ["set", "refract.samples=1"]]);
     for (const value of set) query.append("set", value);
     // A view without toolbar and timeline has the size of the window but for the timeline.
@@ -42,13 +46,13 @@ for (const size of sizes) {
       await call(page, "camera", `eye=${at} target=0,0.3,0 fov_y=40`);
       status = await shows(page, (status) => status.atRest && status.pictures > pictures);
       const passes = status.passes.reduce((sum, [, ms]) => sum + ms, 0);
-      const refract = status.passes.find(([name]) => name === "refract")[1];
-      if (i > 0) times.push({ ms: status.shown.ms, passes, refract });
+      if (i > 0) times.push({ ms: status.shown.ms, passes, ...Object.fromEntries(status.passes) });
     }
     const shown = status.shown.size.join("x");
     const of = (time) => Math.round(median(times.map((row) => row[time])));
-    const row = { name, shown, particles: status.particles, ms: of("ms"), passes: of("passes"), refract: of("refract") };
-    console.log(JSON.stringify({ ...row, longest: await page.evaluate("window.longest") }));
+    const each = Object.fromEntries(status.passes.map(([name]) => [name, of(name)]));
+    const row = { name, shown, particles: status.particles, ms: of("ms"), passes: of("passes"), each };
+    console.log(JSON.stringify({ ...row, longest: await page.evaluate("window.longest"), load: loadavg()[0] }));
     await page.context().close();
   }
 }

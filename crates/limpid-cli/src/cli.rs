@@ -9,7 +9,9 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use limpid_io::output::{self, FileKind};
 
 use crate::terminal;
-use crate::{bake, check, compare, convert, info, render, report, scene, settings, signals, view};
+use crate::{
+    bake, check, compare, convert, info, render, report, scene, settings, signals, view, web,
+};
 
 /// Renders clear liquid directly from particles.
 ///
@@ -42,6 +44,9 @@ enum Command {
     /// Open a viewer window: play, orbit, adjust settings, save.
     #[command(after_help = VIEW_EXAMPLES)]
     View(Box<view::Args>),
+    /// Write a folder that any web server serves: the viewer as a page, with frames and their scene.
+    #[command(after_help = WEB_EXAMPLES)]
+    Web(Box<web::Args>),
     /// Print the scene of an input as a file to edit, with the automatic parts filled in.
     #[command(after_help = SCENE_EXAMPLES)]
     Scene(Box<scene::Args>),
@@ -82,6 +87,15 @@ const VIEW_EXAMPLES: &str = "Examples:
   limpid view frames/              a sequence
   limpid view water.vtu --look night";
 
+const WEB_EXAMPLES: &str = "Examples:
+  limpid web frames/ -o site                           all frames of a folder
+  limpid web 'frames/w_{}.vtu' --frames 1-79:2 -o site half of them
+  limpid web mm.csv --scale 0.001 --up z --look daylight -o site
+  limpid web frames/ --scene scene.toml -o site        in a scene of your own
+
+The site opens with its frames. It is served as it is: copy it to a server, or
+  python3 -m http.server --directory site              and open http://localhost:8000";
+
 const SCENE_EXAMPLES: &str = "Examples:
   limpid scene 'frames/w_{}.bgeo' > scene.toml         write the automatic scene,
   limpid render scene.toml                             edit it, and draw it
@@ -104,6 +118,7 @@ pub(crate) fn run(arguments: &[OsString]) -> anyhow::Result<u8> {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
         Command::View(args) => view::run(*args),
+        Command::Web(args) => web::run(&args),
         Command::Scene(args) => scene::run(&args),
         Command::Settings(args) => settings::run(&args),
         Command::Info(args) => info::run(&args),

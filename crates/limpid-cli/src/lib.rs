@@ -20,6 +20,7 @@ mod signals;
 mod standard;
 mod terminal;
 mod view;
+mod web;
 
 use std::ffi::OsString;
 

@@ -160,7 +160,8 @@ class LimpidView extends HTMLElement {
       });
       await init({ module_or_path: module });
       if (gone()) return;
-      this.view = new View(this.#host(module), this.#query(), !this.hasAttribute("controls"));
+      const plain = !this.hasAttribute("controls");
+      this.view = new View(this.#host(module), this.#query(), plain, this.clientWidth, this.clientHeight);
       await this.#show();
       if (gone()) return;
       note.remove();
@@ -252,6 +253,7 @@ class LimpidView extends HTMLElement {
         const page = this.hasAttribute("address") ? `${location.origin}${location.pathname}` : here.href;
         return query ? `${page}?${query}` : page;
       },
+      still: () => matchMedia("(prefers-reduced-motion: reduce)").matches,
     };
   }
 

@@ -60,10 +60,11 @@ pub struct View {
 #[wasm_bindgen]
 impl View {
     /// Creates a viewer that opens what `query` names, a list of names and values, or a demo. `host` has the functions
-    /// of [`PageOptions::host`]; a `plain` view has no toolbar and no panels.
+    /// of [`PageOptions::host`]; a `plain` view has no toolbar and no panels; `width` and `height` are the element's.
     #[wasm_bindgen(constructor)]
-    pub fn new(host: JsValue, query: &Array, plain: bool) -> Self {
-        let page = Page::new(PageOptions { host, query: pairs(query), plain });
+    pub fn new(host: JsValue, query: &Array, plain: bool, width: u32, height: u32) -> Self {
+        let size = UVec2::new(width, height);
+        let page = Page::new(PageOptions { host, query: pairs(query), plain, size });
         Self { page, runner: RefCell::new(WebRunner::new()) }
     }
 

@@ -36,9 +36,9 @@ fn commands_have_manual_pages() {
 /// refused. A new command has to be entered here.
 #[test]
 fn common_options_are_on_every_command() {
-    const READING: [&str; 5] = ["render", "view", "scene", "info", "convert"];
-    const DRAWING: [&str; 3] = ["render", "view", "scene"];
-    const SEQUENCES: [&str; 4] = ["render", "view", "info", "convert"];
+    const READING: [&str; 6] = ["render", "view", "scene", "web", "info", "convert"];
+    const DRAWING: [&str; 4] = ["render", "view", "scene", "web"];
+    const SEQUENCES: [&str; 5] = ["render", "view", "web", "info", "convert"];
     const OTHERS: [&str; 3] = ["bake", "completions", "man"];
     let options: [(&str, &[&str]); 17] = [
         ("--quiet", &[]),
@@ -46,9 +46,9 @@ fn common_options_are_on_every_command() {
         ("--json", &["info", "compare", "check", "settings", "report"]),
         ("--max-unpacked", &READING),
         ("--map", &READING),
-        ("--up", &READING[..3]),
-        ("--radius", &READING[..4]),
-        ("--merge", &READING[..4]),
+        ("--up", &READING[..4]),
+        ("--radius", &READING[..5]),
+        ("--merge", &READING[..5]),
         ("--frames", &SEQUENCES),
         ("--missing", &["render", "view"]),
         ("--scene", &DRAWING),
@@ -172,7 +172,7 @@ fn arguments_need_not_be_text() {
 #[test]
 fn help_has_examples() {
     let folder = folder();
-    for command in ["render", "view", "scene"] {
+    for command in ["render", "view", "scene", "web"] {
         let help = succeed(folder.path(), &[command, "--help"]);
         assert_contains(&help, &["Examples:", &format!("limpid {command}"), "--look"]);
     }

@@ -26,6 +26,7 @@ mod standard;
 mod startup;
 #[path = "../../../../tests/support/mod.rs"]
 mod support;
+mod web;
 mod words;
 
 use std::collections::BTreeSet;

@@ -7,7 +7,7 @@
 //! | `in` | URL of a scene in which the particles are drawn, as `--scene` |
 //! | `frames` | the frames, as `--frames`; with them a pattern needs no list of files |
 //! | `frame` | number of the frame that is shown |
-//! | `play` | plays |
+//! | `play` | plays; `0`: not even a simulation |
 //! | `camera` | as `--camera`, in the world, where y is up |
 //! | `view` | the intermediate image, by its name in `--aov` |
 //! | `refine` | `0`: a picture at rest has the rays of its settings, not four at least |
@@ -33,6 +33,8 @@ use crate::model::views::View;
 pub(crate) struct Link {
     pub(crate) source: Source,
     pub(crate) wishes: Wishes,
+    /// Whether the address names no source, and the first demo is shown.
+    pub(crate) is_first: bool,
 }
 
 /// Reads the parameters of an address. Unknown ones are the server's.
@@ -56,7 +58,7 @@ pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
             "in" => source.scene = Some(value.into()),
             "frames" => source.frames = Some(parsed(name, value)?),
             "frame" => wishes.frame = Some(parsed(name, value)?),
-            "play" => wishes.play = value != "false" && value != "0",
+            "play" => wishes.play = Some(value != "false" && value != "0"),
             "camera" => wishes.camera = Some(parsed(name, value)?),
             "view" => wishes.view = Some(parsed(name, value)?),
             "refine" => wishes.unrefined = value == "false" || value == "0",
@@ -87,10 +89,11 @@ pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
             _ => {}
         }
     }
-    if source.input.is_empty() {
-        source.input = demos::FIRST_SOURCE.to_owned();
+    let is_first = source.input.is_empty();
+    if is_first {
+        source.input = demos::first_source();
     }
-    Ok(Link { source, wishes })
+    Ok(Link { source, wishes, is_first })
 }
 
 fn parsed<T: FromStr<Err: Display>>(name: &str, value: &str) -> Result<T> {
@@ -108,7 +111,6 @@ pub(crate) fn query(viewer: &Viewer) -> Option<String> {
     let mut pairs: Vec<(&str, String)> = Vec::new();
     let is_url = |path: &str| path.starts_with("http:") || path.starts_with("https:");
     match source.input.strip_prefix(demos::FOLDER) {
-        Some(_) if source.input == demos::FIRST_SOURCE => {}
         Some(demo) => pairs.push(("demo", demo.trim_end_matches(".toml").into())),
         None if is_url(&source.input) => pairs.push(("scene", source.input.clone())),
         None => return None,
@@ -119,11 +121,10 @@ pub(crate) fn query(viewer: &Viewer) -> Option<String> {
     if let Some(frames) = &source.frames {
         pairs.push(("frames", frames.to_string()));
     }
-    if let Some(at) = viewer.stage.frame_time().filter(|_| viewer.stage.playback.count() > 1) {
+    let playback = &viewer.stage.playback;
+    if let Some(at) = viewer.stage.frame_time().filter(|_| playback.count() > 1) {
         pairs.push(("frame", at.frame.to_string()));
-    }
-    if viewer.stage.playback.playing {
-        pairs.push(("play", "1".into()));
+        pairs.push(("play", u8::from(playback.playing).to_string()));
     }
     if viewer.stage.eye.camera != document.project.camera_for(Default::default()) {
         pairs.push(("camera", viewer.stage.eye.camera.to_string()));

@@ -10,13 +10,12 @@ use crate::app::Viewer;
 use crate::app::state::{Attributes, Opening};
 use crate::backend::here::{drop_in_background, spawn};
 use crate::model::coloring::Coloring;
-use crate::model::document::{Document, Source};
+use crate::model::document::{Document, Source, framing_of};
 use crate::model::history::History;
 use crate::model::platform::IN_BROWSER;
 use crate::model::playback::{Playback, Speed};
 use crate::model::views::View;
 use crate::panels::times::Times;
-use limpid::look::Framing;
 use limpid::scene::Scene;
 use limpid_io::adjustments::{Floor, Sun};
 use limpid_io::bake::Progress;
@@ -30,6 +29,7 @@ impl Viewer {
     /// Opens a source in place of the current one, once it has been read. Until then, and if reading
     /// fails, a bake of the current one continues.
     pub fn open(&mut self, source: Source) {
+        self.interface.invites = false;
         self.begin_opening(source, false);
     }
 
@@ -39,12 +39,9 @@ impl Viewer {
     }
 
     pub(crate) fn begin_opening(&mut self, mut source: Source, again: bool) {
-        // Wider windows show more at both sides; before the first frame the size is not known.
-        let shown = Framing::of(self.picture.viewport_size);
-        let is_known = self.picture.viewport_size.min_element() > 0;
-        // The same source keeps its camera.
-        if !again && is_known && shown.aspect < Framing::default().aspect {
-            source.framing = shown;
+        // The same source keeps its camera. Before the first frame the size is not known.
+        if !again && self.picture.viewport_size.min_element() > 0 {
+            source.framing = framing_of(self.picture.viewport_size);
         }
         self.opened.openings += 1;
         // They were for another source.
@@ -194,7 +191,7 @@ impl Viewer {
 
     pub(crate) fn opened(&mut self, document: Document) {
         // Simulations start playing.
-        let plays = document.project.source.simulation().is_some();
+        let plays = document.project.source.simulation().is_some() && !self.interface.still;
         let frames = document.numbers.len();
         self.log.event(
             "opened",
@@ -301,7 +298,9 @@ impl Viewer {
         if let Some(aov) = wishes.view {
             self.picture.set_view(View::Image(aov, 0), &mut self.log);
         }
-        self.stage.playback.playing |= wishes.play;
+        if let Some(plays) = wishes.play {
+            self.stage.playback.playing = plays && !self.interface.still;
+        }
         self.picture.refine &= !wishes.unrefined;
         self.stage.colors.legend |= wishes.legend;
         if wishes.legend && self.stage.colors.scale.is_none() {

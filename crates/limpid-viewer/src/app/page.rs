@@ -18,7 +18,7 @@ use crate::app::saving::NO_FILMS;
 use crate::app::{Options, Viewer};
 use crate::backend::core::messages::Post;
 use crate::backend::web::{Ask, Backend, Crash, Edits, demos};
-use crate::model::document::{Source, opened_of};
+use crate::model::document::{Source, framing_of, opened_of};
 use crate::model::log::Log;
 use crate::panels::dialogs::{Browse, Dialog};
 
@@ -136,13 +136,15 @@ impl Viewer {
 /// The settings of a page.
 pub struct PageOptions {
     /// The functions of the page: `worker()` starts a worker and returns it, `pick(folder)` shows the browser's
-    /// dialog for files, `save(name, bytes)` offers a file to the user, `absolute(url)` makes a URL absolute, and
-    /// `link(query)` makes a link.
+    /// dialog for files, `save(name, bytes)` offers a file to the user, `absolute(url)` makes a URL absolute,
+    /// `link(query)` makes a link, and `still()` says whether the user wants no motion.
     pub host: JsValue,
     /// The parameters of the address: see [`link`].
     pub query: Vec<(String, String)>,
     /// Whether it is a picture and a timeline alone, within another page.
     pub plain: bool,
+    /// Size of the element, whatever its unit: an automatic camera is for its shape.
+    pub size: UVec2,
 }
 
 /// A viewer in a page.
@@ -161,11 +163,13 @@ impl Page {
         let (sender, messages) = mpsc::channel();
         let post = Post::new(sender);
         let worker = Backend::new(options.host, post.clone());
+        let still = worker.call("still", &[]).is_ok_and(|still| still.is_truthy());
         let opened = link::parse(&options.query);
         let source = match &opened {
             Ok(link) => worker.absolute_source(link.source.clone()),
-            Err(_) => Source::new(demos::FIRST_SOURCE),
+            Err(_) => Source::new(demos::first_source()),
         };
+        let source = Source { framing: framing_of(options.size), ..source };
         let viewer_options = Options {
             source: Some(source),
             memory: 512 << 20,
@@ -174,15 +178,20 @@ impl Page {
         };
         let log = Log::new(None).expect("without a file nothing can fail");
         let mut viewer = Viewer::of(viewer_options, worker.clone(), (post, messages), log);
+        (viewer.interface.still, viewer.interface.plain) = (still, options.plain);
+        viewer.interface.invites = !options.plain && !matches!(&opened, Ok(link) if !link.is_first);
         match opened {
-            Ok(link) => viewer.opened.wishes = link.wishes,
+            Ok(link) => {
+                viewer.opened.wishes = link.wishes;
+                let best = Some(demos::STILL_FRAME).filter(|_| still && link.is_first);
+                viewer.opened.wishes.frame = viewer.opened.wishes.frame.or(best);
+            }
             Err(error) => viewer.fail(&error),
         }
         if options.plain {
             viewer.interface.panels = [false; 2];
             viewer.picture.has_triad = false;
         }
-        viewer.interface.plain = options.plain;
         Self { viewer: Rc::new(RefCell::new(viewer)), worker, drops: Rc::default() }
     }
 

@@ -195,6 +195,9 @@ impl Viewer {
                 };
                 screen.show(ui, rect, &mut commands);
             }
+            if self.interface.invites {
+                first_screen::invite(ui, rect, &mut commands);
+            }
             notices::show(ui, rect, &mut self.interface.notices, &mut commands);
         });
         self.obey(ui, commands);

@@ -129,7 +129,8 @@ impl OpenDocument {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Wishes {
     pub(crate) frame: Option<i64>,
-    pub(crate) play: bool,
+    /// Whether it plays; `None` plays simulations alone.
+    pub(crate) play: Option<bool>,
     pub(crate) camera: Option<Camera>,
     pub(crate) view: Option<Aov>,
     pub(crate) unrefined: bool,
@@ -181,6 +182,10 @@ pub(crate) struct Interface {
     pub(crate) dark: bool,
     /// Only the picture and the timeline are shown: within a page of somebody else.
     pub(crate) plain: bool,
+    /// Nothing plays before the user says so.
+    pub(crate) still: bool,
+    /// Whether the picture says that files can be dropped on it.
+    pub(crate) invites: bool,
     /// The graphics device that draws.
     pub(crate) adapter: Option<String>,
     /// When playback last advanced.
@@ -205,6 +210,8 @@ impl Interface {
             demos: Vec::new(),
             dark: true,
             plain: false,
+            still: false,
+            invites: false,
             adapter: None,
             ticked: Instant::now(),
         }

@@ -30,6 +30,7 @@ impl Viewer {
             "passes": self.times.last().map(|(name, ms)| json!([name, ms])).collect::<Vec<_>>(),
             "eye": self.stage.eye.camera.eye.to_array(),
             "view": self.picture.view.label(),
+            "invites": self.interface.invites,
             "colors": self.stage.colors.scale.as_ref().map(|scale| json!({
                 "name": scale.name, "unit": scale.unit, "map": scale.map, "range": scale.range,
                 "legend": self.stage.colors.legend,

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::model::platform::IN_BROWSER;
@@ -25,6 +26,9 @@ use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
 use limpid_io::sequence::Sequence;
 use limpid_io::shared_classifier::Processor;
+
+/// The view of a scene in windows that are taller than wide.
+const TALL: &str = "tall";
 
 /// A source to open, as on the command line.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -131,7 +135,11 @@ impl Document {
             framing: source.framing,
             ..Request::default()
         };
-        let Opened { loader: input, plain, project, .. } = request.open()?;
+        let Opened { loader: input, plain, mut project, .. } = request.open()?;
+        let tall = project.views.iter().find(|view| view.name == TALL);
+        if let Some(view) = tall.filter(|_| source.framing.aspect < 1.0) {
+            project.camera = Some(view.camera);
+        }
         let spec = source.frames.clone().unwrap_or_default();
         let mut numbers = spec.numbers(&input.sequence, input.missing)?;
         numbers.sort_unstable();
@@ -297,6 +305,12 @@ impl Document {
         }
         project
     }
+}
+
+/// What an automatic camera is for in a window of this size: wider windows show more at both sides.
+pub(crate) fn framing_of(size: UVec2) -> Framing {
+    let is_narrow = size.min_element() > 0 && Framing::of(size).aspect < Framing::default().aspect;
+    if is_narrow { Framing::of(size) } else { Framing::default() }
 }
 
 /// The last part of the path of an input.

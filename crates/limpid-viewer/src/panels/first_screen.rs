@@ -100,6 +100,19 @@ fn recent(ui: &mut egui::Ui, inputs: &[(String, &str)], commands: &mut Vec<Comma
     }
 }
 
+/// Says in a corner of the picture that it takes files.
+pub(crate) fn invite(ui: &egui::Ui, rect: Rect, commands: &mut Vec<Command>) {
+    let corner = rect.left_bottom() + vec2(12.0, -12.0);
+    let area = egui::Area::new(ui.scope_id().with("invitation")).fixed_pos(corner);
+    area.pivot(egui::Align2::LEFT_BOTTOM).show(ui.ctx(), |ui| {
+        let text = egui::RichText::new("Drop particle files here, or open them").small();
+        let button = egui::Button::new(text).fill(egui::Color32::from_black_alpha(120));
+        if ui.add(button.wrap_mode(egui::TextWrapMode::Extend)).clicked() {
+            commands.push(Command::Act(Action::Open));
+        }
+    });
+}
+
 /// The demos' pictures, which are decoded once.
 pub(crate) fn pictures<'a>(
     ctx: &egui::Context,

@@ -8,22 +8,18 @@ use limpid_io::files;
 /// The folder of the demos in a browser.
 pub(crate) const FOLDER: &str = "demos/";
 
-/// The scene that a page shows first.
-pub(crate) const FIRST_SOURCE: &str = "demos/demo.toml";
+/// The frame of the first demo for users who do not want motion: the wave has reached the pillar.
+pub(crate) const STILL_FRAME: i64 = 24;
 
-/// Its files.
-const FIRST: [(&str, &[u8]); 2] = [
-    ("demos/demo.toml", limpid::sims::DEMO.as_bytes()),
-    ("demos/demo.bgeo", limpid::sims::DEMO_PARTICLES),
-];
+/// The scene that a page shows first.
+pub(crate) fn first_source() -> String {
+    DEMOS[0].path()
+}
 
 /// Gives the files of all demos to all who read files.
 pub(crate) fn give_all() {
     for demo in &DEMOS {
         files::given::give_bytes(demo.path(), demo.scene.as_bytes().to_vec());
-    }
-    for (path, bytes) in FIRST {
-        files::given::give_bytes(path, bytes.to_vec());
     }
 }
 
