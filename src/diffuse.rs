@@ -1,6 +1,7 @@
 //! Foam, spray, bubbles and dust, which move with a liquid and are drawn beside it.
 
 use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::up_axis::Up;
 
@@ -35,7 +36,10 @@ pub struct Diffuse {
 }
 
 /// A kind of diffuse particle. The numbers are those that files of limpid hold.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
 #[repr(u8)]
 pub enum DiffuseKind {
     /// Floats on the surface.
@@ -44,6 +48,7 @@ pub enum DiffuseKind {
     /// Flies through the air.
     Spray = 1,
     /// Rises within the liquid.
+    #[serde(rename = "bubbles", alias = "bubble")]
     Bubble = 2,
     /// Floats within turbid liquid, near the ground.
     Dust = 3,
@@ -98,6 +103,66 @@ impl Diffuse {
     /// The numbers of particles of each kind.
     pub fn counts(&self) -> [usize; DiffuseKind::ALL.len()] {
         DiffuseKind::ALL.map(|kind| self.kinds.iter().filter(|&&own| own == kind).count())
+    }
+
+    /// Keeps the particles whose numbers satisfy `keep`, in their order.
+    pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        fn filter<T>(values: &mut Vec<T>, keep: &impl Fn(usize) -> bool) {
+            let mut i = 0..;
+            values.retain(|_| i.next().is_some_and(keep));
+        }
+        filter(&mut self.positions, &keep);
+        filter(&mut self.radii, &keep);
+        filter(&mut self.kinds, &keep);
+        self.velocities.iter_mut().for_each(|all| filter(all, &keep));
+        self.ages.iter_mut().for_each(|all| filter(all, &keep));
+        self.lifetimes.iter_mut().for_each(|all| filter(all, &keep));
+    }
+
+    /// Appends particles, whose colours are not taken over. Where one side lacks an attribute that the other has, its
+    /// particles stand still, and are in the middle of a long life.
+    pub fn append(&mut self, other: &Self) {
+        const LONG: f32 = 1e6;
+        fn joined<T: Copy>(
+            own: &mut Option<Vec<T>>,
+            count: usize,
+            other: Option<&[T]>,
+            others: usize,
+            missing: T,
+        ) {
+            if own.is_none() && other.is_none() {
+                return;
+            }
+            let own = own.get_or_insert_with(|| vec![missing; count]);
+            match other {
+                Some(other) => own.extend_from_slice(other),
+                None => own.resize(count + others, missing),
+            }
+        }
+        let (count, others) = (self.len(), other.len());
+        let apart = (other.origin - self.origin).as_vec3();
+        self.positions.extend(other.positions.iter().map(|&position| apart + position));
+        self.radii.extend_from_slice(&other.radii);
+        self.kinds.extend_from_slice(&other.kinds);
+        joined(&mut self.velocities, count, other.velocities.as_deref(), others, Vec3::ZERO);
+        joined(&mut self.ages, count, other.ages.as_deref(), others, LONG);
+        joined(&mut self.lifetimes, count, other.lifetimes.as_deref(), others, LONG);
+    }
+
+    /// The particles `seconds` later: each moves on in its direction, and those that disappear meanwhile are left out.
+    #[must_use]
+    pub fn after(mut self, seconds: f32) -> Self {
+        if let Some(velocities) = &self.velocities {
+            let moved = self.positions.iter_mut().zip(velocities);
+            moved.for_each(|(position, velocity)| *position += seconds * *velocity);
+        }
+        self.ages.iter_mut().flatten().for_each(|age| *age += seconds);
+        if let Some(lifetimes) = &mut self.lifetimes {
+            lifetimes.iter_mut().for_each(|left| *left -= seconds);
+            let left = lifetimes.clone();
+            self.retain(|i| left[i] > 0.0);
+        }
+        self
     }
 
     /// Opacity of a particle, from 0 to 1: it appears in the first tenth of its life and disappears in the last 0.3, so
@@ -158,7 +223,7 @@ mod tests {
     #[test]
     fn particles_fade_in_and_out() {
         let (born, dying) = (vec![0.0, 0.5, 5.0], vec![10.0, 9.5, 5.0]);
-        assert_eq!(opacities(Some(born.clone()), Some(dying.clone())), [0.0, 0.5, 1.0]);
+        assert_eq!(opacities(Some(born), Some(dying)), [0.0, 0.5, 1.0]);
         assert_eq!(
             opacities(Some(vec![10.0, 8.5, 7.0]), Some(vec![0.0, 1.5, 3.0])),
             [0.0, 0.5, 1.0]

@@ -4,6 +4,7 @@
 
 mod bake;
 mod camera_path;
+mod diffuse;
 mod fluids;
 mod frame_cache;
 mod input;
