@@ -9,7 +9,9 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use limpid_io::output::{self, FileKind};
 
 use crate::terminal;
-use crate::{bake, check, compare, convert, info, render, report, scene, settings, signals, view};
+use crate::{
+    bake, check, compare, convert, info, render, report, scene, settings, signals, view, whitewater,
+};
 
 /// Renders clear liquid directly from particles.
 ///
@@ -39,6 +41,8 @@ enum Command {
     Render(Box<render::Args>),
     /// Simulate a scene with a [simulation] and write a sequence of BGEO files.
     Bake(bake::Args),
+    /// Make foam, spray and bubbles of a sequence, and write them as particle files.
+    Whitewater(whitewater::Args),
     /// Open a viewer window: play, orbit, adjust settings, save.
     #[command(after_help = VIEW_EXAMPLES)]
     View(Box<view::Args>),
@@ -103,6 +107,7 @@ pub(crate) fn run(arguments: &[OsString]) -> anyhow::Result<u8> {
     match command {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
+        Command::Whitewater(args) => whitewater::run(&args),
         Command::View(args) => view::run(*args),
         Command::Scene(args) => scene::run(&args),
         Command::Settings(args) => settings::run(&args),

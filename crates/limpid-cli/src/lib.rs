@@ -16,10 +16,12 @@ mod report;
 mod scene;
 mod settings;
 mod shared_args;
+mod sharing;
 mod signals;
 mod standard;
 mod terminal;
 mod view;
+mod whitewater;
 
 use std::ffi::OsString;
 

@@ -22,6 +22,8 @@ pub(crate) use self::companions::companions_of;
 pub use self::frame_time::FrameTime;
 pub use self::missing::Missing;
 pub(crate) use self::names::is_absent;
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) use self::names::name_of_frames;
 use self::names::{
     NOT_TEXT, Pattern, absent, common_prefix, extension, file_name, file_names, is_piece_list,
     is_series, is_text, split_number,

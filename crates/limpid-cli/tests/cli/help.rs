@@ -36,7 +36,7 @@ fn commands_have_manual_pages() {
 /// refused. A new command has to be entered here.
 #[test]
 fn common_options_are_on_every_command() {
-    const READING: [&str; 5] = ["render", "view", "scene", "info", "convert"];
+    const READING: [&str; 6] = ["render", "view", "scene", "whitewater", "info", "convert"];
     const DRAWING: [&str; 3] = ["render", "view", "scene"];
     const SEQUENCES: [&str; 4] = ["render", "view", "info", "convert"];
     const OTHERS: [&str; 3] = ["bake", "completions", "man"];
@@ -46,17 +46,17 @@ fn common_options_are_on_every_command() {
         ("--json", &["info", "compare", "check", "settings", "report"]),
         ("--max-unpacked", &READING),
         ("--map", &READING),
-        ("--up", &READING[..3]),
-        ("--radius", &READING[..4]),
-        ("--merge", &READING[..4]),
+        ("--up", &READING[..4]),
+        ("--radius", &READING[..5]),
+        ("--merge", &READING[..5]),
         ("--frames", &SEQUENCES),
-        ("--missing", &["render", "view"]),
-        ("--scene", &DRAWING),
+        ("--missing", &["render", "view", "whitewater"]),
+        ("--scene", &READING[..4]),
         ("--set", &DRAWING),
         ("--look", &DRAWING),
         ("--color-by", &DRAWING),
-        ("--scale", &DRAWING),
-        ("--fps", &DRAWING),
+        ("--scale", &READING[..4]),
+        ("--fps", &READING[..4]),
         ("--preset", &["render", "view"]),
     ];
     let folder = folder();

@@ -26,6 +26,7 @@ mod standard;
 mod startup;
 #[path = "../../../../tests/support/mod.rs"]
 mod support;
+mod whitewater;
 mod words;
 
 use std::collections::BTreeSet;

@@ -17,3 +17,4 @@ mod sequence;
 #[path = "../../../../tests/support/mod.rs"]
 mod support;
 mod walls;
+mod whitewater;
