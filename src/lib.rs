@@ -67,6 +67,7 @@ pub mod aov;
 #[doc(hidden)]
 pub mod background;
 pub mod camera;
+pub mod diffuse;
 mod dirty;
 pub mod environment;
 pub mod error;

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from . import _limpid
 from ._arrays import particle_arrays, placed, radius_of, samples_of, size_of, up_of
 from ._coloring import coloring, colormap_of, range_of
+from ._diffuse import diffuse_arrays
 from ._errors import Cancelled, warn
 from ._frames import Frames
 from ._limpid import Camera
@@ -43,6 +44,7 @@ class Request:
     velocities: npt.ArrayLike | None = None
     ids: npt.ArrayLike | None = None
     ellipsoids: npt.ArrayLike | None = None
+    diffuse: Any = None
     colors: npt.ArrayLike | None = None
     values: npt.ArrayLike | str | None = None
     colormap: str | None = None
@@ -108,7 +110,7 @@ _open: weakref.WeakSet[Drawing] = weakref.WeakSet()
 
 def opened(source: PathLike, request: Request) -> _limpid.Frames:
     """Files, opened to be drawn."""
-    for name in ("velocities", "ids", "ellipsoids", "colors"):
+    for name in ("velocities", "ids", "ellipsoids", "diffuse", "colors"):
         if getattr(request, name) is not None:
             raise ValueError(f"{name} is given, and files have their own; limpid.frames reads others, by its map")
     value, radii = radius_of(request.radius)
@@ -274,6 +276,7 @@ class Drawing:
             request.aovs,
             request.alpha,
             views,
+            diffuse_arrays(request.diffuse),
             described,
             tick,
         )

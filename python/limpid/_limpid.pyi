@@ -233,6 +233,7 @@ class Device:
         aovs: Sequence[str],
         alpha: bool,
         views: Sequence[Camera],
+        diffuse: dict[str, Any] | None,
         described: bool,
         tick: Callable[[], object] | None,
     ) -> dict[str, Any]: ...

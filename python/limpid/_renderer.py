@@ -6,7 +6,7 @@ import functools
 import inspect
 import os
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
@@ -71,6 +71,7 @@ class Renderer(Closing):
         velocities: npt.ArrayLike | None = None,
         ids: npt.ArrayLike | None = None,
         ellipsoids: npt.ArrayLike | None = None,
+        diffuse: Mapping[str, Any] | npt.ArrayLike | None = None,
         colors: npt.ArrayLike | None = None,
         values: npt.ArrayLike | str | None = None,
         colormap: str | None = None,
@@ -103,6 +104,11 @@ class Renderer(Closing):
             Accepted for symmetry with `limpid.write`: a single picture does not need them.
         ellipsoids : (n, 3, 3) array of floats, optional
             Maps of the unit sphere to the particles' shapes, in units of their radius.
+        diffuse : mapping or (m, 3) or (m, 4) array, optional
+            Foam, spray, bubbles and dust: a mapping with ``positions`` (m, 3), m, and perhaps ``velocities`` (m, 3),
+            ``radius`` (one, or (m,); by default a fifth of the liquid's), ``kinds`` ((m,), 0 foam, 1 spray, 2 bubble,
+            3 dust; or a name for all), ``ages`` and ``lifetimes`` ((m,), s since they appeared and until they
+            disappear); or positions alone, of foam, perhaps with the lifetime as fourth number.
         colors : (n, 3) or (n, 4) array, optional
             For each particle, floats from 0 to 1, linear, or bytes (uint8), sRGB; the fourth number is
             ignored. In a scene with an opaque liquid (``look="paint"``) they are the colours of its
@@ -187,6 +193,7 @@ class Renderer(Closing):
             velocities=velocities,
             ids=ids,
             ellipsoids=ellipsoids,
+            diffuse=diffuse,
             colors=colors,
             values=values,
             colormap=colormap,

@@ -11,6 +11,7 @@ use limpid_io::output::{self, FileKind};
 use crate::terminal;
 use crate::{
     bake, check, compare, convert, info, render, report, scene, settings, signals, view, web,
+    whitewater,
 };
 
 /// Renders clear liquid directly from particles.
@@ -41,6 +42,8 @@ enum Command {
     Render(Box<render::Args>),
     /// Simulate a scene with a [simulation] and write a sequence of BGEO files.
     Bake(bake::Args),
+    /// Make foam, spray and bubbles of a sequence, and write them as particle files.
+    Whitewater(whitewater::Args),
     /// Open a viewer window: play, orbit, adjust settings, save.
     #[command(after_help = VIEW_EXAMPLES)]
     View(Box<view::Args>),
@@ -117,6 +120,7 @@ pub(crate) fn run(arguments: &[OsString]) -> anyhow::Result<u8> {
     match command {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
+        Command::Whitewater(args) => whitewater::run(&args),
         Command::View(args) => view::run(*args),
         Command::Web(args) => web::run(&args),
         Command::Scene(args) => scene::run(&args),

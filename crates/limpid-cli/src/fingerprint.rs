@@ -143,12 +143,15 @@ impl Fingerprints {
         let frame_times = frame_times.par_iter().map(|&at| {
             let origins = loader.origins(at);
             let parts = origins.iter().map(describe);
+            let diffuse = loader.diffuse_origins(at);
+            let diffuse = diffuse.iter().map(|(origin, drawn)| describe(origin) + drawn);
             let fraction = format!("{:x}", at.fraction.to_bits());
             let motion = loader.motion();
             let motion = motion.map(|motion| describe_motion(motion, at, loader.missing));
             let colors =
                 loader.color_by().map(|by| format!("{by:?} {:?}", loader.color_scale().ok()));
-            let parts: Vec<String> = parts.chain([fraction]).chain(motion).chain(colors).collect();
+            let parts: Vec<String> =
+                parts.chain([fraction]).chain(diffuse).chain(motion).chain(colors).collect();
             Fingerprint::over(parts.iter().map(String::as_bytes))
         });
         let run = run_of(scene, size);

@@ -1,4 +1,5 @@
 //! The command `limpid info`.
+use limpid::diffuse::DiffuseKind;
 use limpid::liquid::Particles;
 use limpid_io::Error;
 use limpid_io::color_by::AttributeRange;
@@ -43,6 +44,9 @@ struct Info {
     up_from: &'static str,
     /// Whether z points up and neither an option nor a scene says so.
     turned: bool,
+    /// The patterns of the files of foam, spray, bubbles and dust beside the liquid.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    diffuse: Vec<String>,
     described: Vec<FrameInfo>,
 }
 
@@ -67,6 +71,9 @@ struct FrameInfo {
     remarks: Vec<String>,
     /// m; estimated from the spacing unless given; `None` for a single particle.
     radius: Option<f32>,
+    /// Numbers of foam, spray, bubbles and dust beside the liquid; empty without any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    diffuse: Vec<(&'static str, usize)>,
 }
 
 #[derive(Serialize)]
@@ -127,6 +134,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         up_from: input.up().1.word(),
         stride: input.sequence.even_stride(),
         turned: input.is_turned(),
+        diffuse: input.diffuse_patterns().map(str::to_owned).collect(),
         described: Vec::new(),
     };
     for frame in chosen {
@@ -136,6 +144,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
             Err(Error::UnknownRadius { .. }) => None,
             radius => Some(radius?),
         };
+        let (diffuse, on_diffuse) = input.diffuse(frame, radius.unwrap_or(1.0))?;
+        let counts = diffuse.map(|diffuse| diffuse.counts()).unwrap_or_default();
+        let counts = DiffuseKind::ALL.map(DiffuseKind::name).into_iter().zip(counts);
         let (min, max) = particles.bounds().unwrap_or_default();
         let bulk = input.bulk(&particles);
         info.described.push(FrameInfo {
@@ -150,8 +161,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
             attributes: attribute_names(&particles).collect(),
             ranges: ranges(&particles, &arrays),
             arrays: arrays.into_iter().map(array_info).collect(),
-            remarks: remarks.iter().map(of_remark).collect(),
+            remarks: remarks.iter().chain(&on_diffuse).map(of_remark).collect(),
             radius,
+            diffuse: counts.filter(|(_, count)| *count > 0).collect(),
         });
     }
     let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
@@ -240,6 +252,7 @@ fn describe(info: &Info) -> String {
         _ => format!("{frames} frames, {first} to {last}{steps}"),
     };
     let mut lines = vec![format!("{pattern}: {numbers}")];
+    lines.extend(info.diffuse.iter().map(|pattern| format!("beside it: {pattern}")));
     match (info.up.as_str(), info.up_from) {
         ("y", "flat") => lines.push("y points up in the files (flat)".to_owned()),
         ("y", _) => {}
@@ -281,6 +294,10 @@ fn describe(info: &Info) -> String {
         lines.extend(frame.ranges.iter().map(|range| format!("  {}", range.description())));
         lines.extend(frame.remarks.iter().map(|remark| format!("  {remark}")));
         lines.push(format!("  {}", extent(frame.min, frame.max)));
+        if !frame.diffuse.is_empty() {
+            let counts = frame.diffuse.iter().map(|(name, count)| format!("{count} {name}"));
+            lines.push(format!("  beside it {}", counts.collect::<Vec<_>>().join(", ")));
+        }
         if frame.outside > 0 {
             let bulk = extent(frame.bulk_min, frame.bulk_max);
             lines.push(format!("  {} lie outside of {bulk}", frame.outside));

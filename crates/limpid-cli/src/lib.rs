@@ -16,11 +16,13 @@ mod report;
 mod scene;
 mod settings;
 mod shared_args;
+mod sharing;
 mod signals;
 mod standard;
 mod terminal;
 mod view;
 mod web;
+mod whitewater;
 
 use std::ffi::OsString;
 

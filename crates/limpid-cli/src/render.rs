@@ -13,15 +13,15 @@ mod pick;
 mod pictures;
 mod plan;
 mod queue;
+mod whitewater;
 mod writing;
 
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::fingerprint::Fingerprints;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
-use limpid_io::claim::Claims;
 use limpid_io::frames::FrameSpec;
 use limpid_io::overlay::Overlay;
 use limpid_io::shared_classifier::SharedClassifier;
@@ -64,10 +64,10 @@ fn draw(plan: Plan, pick: Option<Pick>) -> anyhow::Result<u8> {
     let moves = loader.with_velocities.then_some(clock.rate);
     let fingerprints = Fingerprints::new(&loader, &clock.times, &scene, drawing.size, moves);
     let fingerprints = fingerprints.under(&overlay);
-    let host = gethostname::gethostname().to_string_lossy().into_owned();
-    let claims = sharing.claim.map(|timeout| claims_of(&host, timeout));
+    let claims = sharing.claim.map(crate::sharing::claims);
     let claims = claims.zip(output.pictures().cloned());
-    let manifest = plan.manifest.map(|path| Manifest::open(&path, host)).transpose()?;
+    let manifest =
+        plan.manifest.map(|path| Manifest::open(&path, crate::sharing::host())).transpose()?;
     let bar = crate::terminal::progress(plan.shots.len());
     let mut console = Console::new(bar.clone());
     plan.notices.iter().for_each(|notice| console.notice(notice));
@@ -146,13 +146,6 @@ fn nothing_left(console: &Console, failed: Vec<i64>, requested: usize) -> u8 {
     let existing = requested - failed.len();
     console.line(&format!("{existing} of {requested} pictures already exist"));
     exit_code(failed, requested, "")
-}
-
-/// Claims in the name of this process.
-fn claims_of(host: &str, timeout: Duration) -> Claims {
-    let version = env!("CARGO_PKG_VERSION");
-    let owner = format!("limpid {version} on {host}, process {}\n", std::process::id());
-    Claims::new(owner, timeout)
 }
 
 /// Finishes the output of a run of `requested` frames, and prints what was written.

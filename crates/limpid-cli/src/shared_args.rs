@@ -199,7 +199,7 @@ fn is_output(file: &Path) -> bool {
 }
 
 /// Parses the length of a unit.
-fn parse_scale(text: &str) -> Result<f64, &'static str> {
+pub(crate) fn parse_scale(text: &str) -> Result<f64, &'static str> {
     text.parse().map_err(|_| "expected the unit's length in metres, as 0.001")
 }
 

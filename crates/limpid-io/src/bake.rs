@@ -15,6 +15,8 @@ use crate::error::{Error, Result};
 use crate::particles;
 
 pub use self::folder::{Folder, clear};
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) use self::record::checksum;
 
 /// The progress of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

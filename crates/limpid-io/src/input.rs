@@ -3,6 +3,8 @@
 //! An [`Input`] is a user's request. [`Input::resolve`] finds values that neither files nor scene give, and returns the
 //! [`Loader`] of its frames and the [`Project`] to draw them in.
 
+mod diffuse;
+mod diffuse_files;
 mod files;
 mod fluid;
 mod loaded;
@@ -105,6 +107,7 @@ impl Input {
             }
             fluid.options.shown = options.shown.clone().or(own.shown);
         }
+        self.loader.limit_diffuse(options);
         self
     }
 

@@ -67,6 +67,8 @@ pub mod sequence;
 pub mod shared_classifier;
 pub mod spread;
 mod vtk_lists;
+#[cfg(not(target_arch = "wasm32"))]
+pub mod whitewater;
 
 pub use error::{Error, Result};
 

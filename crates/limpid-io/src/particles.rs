@@ -12,6 +12,7 @@ mod bi4;
 mod by_content;
 mod csv;
 pub(crate) mod cursor;
+mod diffuse;
 mod extxyz;
 mod foam;
 mod hdf5;
@@ -25,6 +26,7 @@ pub(crate) mod pieces;
 pub(crate) mod ply;
 mod pos;
 mod prt;
+mod reading;
 mod remark;
 mod scf;
 mod selection;
@@ -51,7 +53,7 @@ use serde::{Deserialize, Serialize};
 use self::arrays::MOST_LISTED;
 use self::cursor::{Cursor, FileBytes};
 use self::table::{Column, Scalar, Table};
-use self::values::{Values, attributes, narrow_id, too_large, write_numbers};
+use self::values::{Others, Values, attributes, narrow_id, too_large, with_others, write_numbers};
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
 use crate::files::File as InputFile;
@@ -62,8 +64,11 @@ use self::by_content::Found;
 pub(crate) use self::by_content::{is_particles, particles_in};
 use self::kinds::{known_magic, stl_length};
 
+use self::reading::Reading;
 pub use arrays::{Array, Contents};
 pub use attribute_map::AttributeMap;
+pub(crate) use diffuse::{into_diffuse, reading_diffuse};
+pub use diffuse::{read_diffuse, write_diffuse};
 pub use remark::{Remark, Unit};
 pub use selection::{Condition, Selection};
 pub use trajectory::Section;
@@ -172,44 +177,9 @@ pub struct ReadOptions {
     /// [`Particles::values`], and `color` to [`Particles::colors`]: bytes as sRGB, floats as linear. A file without it is
     /// an error.
     pub shown: Option<String>,
-}
-
-/// [`ReadOptions`], resolved for a file.
-#[derive(Clone, Copy)]
-struct Reading<'a> {
-    options: &'a ReadOptions,
-    /// The memory of the document that the file is, or belongs to.
-    budget: &'a Budget,
-    map: &'a AttributeMap,
-    skip_invalid: bool,
-    select: &'a Selection,
-    values: bool,
-    shown: Option<&'a str>,
-}
-
-impl<'a> Reading<'a> {
-    fn new(options: &'a ReadOptions, budget: &'a Budget) -> Self {
-        let ReadOptions { max_unpacked: _, map, skip_invalid, select, values, shown } = options;
-        let (shown, skip_invalid, values) = (shown.as_deref(), *skip_invalid, *values);
-        Self { options, budget, map, skip_invalid, select, values, shown }
-    }
-
-    /// Whether the numbers of an array are kept until the file is read, beside what attribute it may be.
-    fn keeps(&self, array: &str) -> bool {
-        self.map.has_column(array) || self.select.needs(array)
-    }
-
-    /// Whether an array is read.
-    fn wants(&self, array: &str) -> bool {
-        self.map.attribute_of(array).is_some() || self.keeps(array) || self.shows(array)
-    }
-
-    /// Memory that reading an array takes, bytes a particle.
-    fn bytes_of(&self, array: &str) -> u64 {
-        let kept = if self.keeps(array) { size_of::<f64>() as u64 } else { 0 };
-        let shown = if self.shows_or_describes(array) { size_of::<[f32; 4]>() as u64 } else { 0 };
-        self.map.attribute_of(array).map_or(0, Attribute::bytes) + kept + shown
-    }
+    /// Arrays of one number a particle, in lower case, whose numbers are kept beside the attributes, as those of
+    /// [`read_diffuse`].
+    pub columns: &'static [&'static str],
 }
 
 /// Reads one frame. The extension selects the format, which the contents must match; files with another one, as
@@ -284,7 +254,7 @@ pub fn write(particles: &Particles, path: &Path) -> Result<()> {
     if format.extension == ".pos" {
         pos::write_ellipsoids(particles, path)?;
     }
-    output::write_atomically(path, FILE_KIND, |file| write(particles, file))
+    output::write_atomically(path, FILE_KIND, |file| write(particles, &[], file))
 }
 
 /// Lists properties of these particles that the format of this name cannot store: names of attributes, and
@@ -412,7 +382,7 @@ pub const ELLIPSOIDS_KIND: FileKind = FileKind::new("the ellipsoids of a .pos fi
 });
 
 type Reader = fn(&Path, &[u8], &Reading<'_>) -> Result<Contents>;
-type Writer = fn(&Particles, &mut BufWriter<&File>) -> io::Result<()>;
+type Writer = fn(&Particles, &Others<'_>, &mut BufWriter<&File>) -> io::Result<()>;
 
 /// A particle format.
 struct Format {

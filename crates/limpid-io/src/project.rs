@@ -4,6 +4,7 @@ mod bodies;
 mod commented;
 pub mod controls;
 pub mod differences;
+mod diffuse;
 mod file;
 mod lengths;
 mod mesh_sequence;
@@ -14,6 +15,7 @@ mod recent;
 mod sections;
 mod solids;
 
+pub use diffuse::DiffuseSource;
 pub use file::FILE_KIND;
 pub(crate) use file::is_scale;
 pub use motion::{Moved, SolidMotion};
@@ -51,6 +53,8 @@ pub struct Project {
     pub motion: SolidMotion,
     /// The source of the particles.
     pub source: LiquidSource,
+    /// Foam, spray, bubbles and dust; `None` looks for their files beside those of the liquid.
+    pub diffuse: Option<Vec<DiffuseSource>>,
     /// The camera; `None` fits one to the particles.
     pub camera: Option<Camera>,
     /// The axes in which the camera counts until [`crate::input::Input::resolve`] turns it into the world.

@@ -1,5 +1,6 @@
 //! Sequences: the files of an input, as numbered frames.
 
+mod companions;
 mod frame_time;
 mod missing;
 mod names;
@@ -17,9 +18,12 @@ use crate::particles::{
 use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
 
+pub(crate) use self::companions::companions_of;
 pub use self::frame_time::FrameTime;
 pub use self::missing::Missing;
 pub(crate) use self::names::is_absent;
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) use self::names::name_of_frames;
 use self::names::{
     NOT_TEXT, Pattern, absent, common_prefix, extension, file_name, file_names, is_piece_list,
     is_series, is_text, split_number,
@@ -531,8 +535,10 @@ impl Sequence {
         Ok((pattern, numbers.into_iter().collect()))
     }
 
-    /// Frames of files in a folder whose names differ only in the number; `place` is where they were found.
+    /// Frames of files in a folder whose names differ only in the number; `place` is where they were found. Files of
+    /// foam and the like beside liquid are left out.
     fn from_names(folder: &Path, names: &[String], place: &str) -> Result<Self> {
+        let names = &companions::liquid_among(names);
         let mut stems = BTreeSet::new();
         let mut frames = Vec::new();
         for name in names {

@@ -64,12 +64,7 @@ impl Arrays<'_> {
     /// # Errors
     /// `ValueError` naming the array and the first particle whose value is not finite or out of range.
     pub(crate) fn particles(&self) -> PyResult<Particles> {
-        let mut particles = match self.positions.cast::<PyArray2<f32>>() {
-            Ok(array) => positions(array.try_readonly()?.as_array())?,
-            Err(_) => {
-                positions(self.positions.cast::<PyArray2<f64>>()?.try_readonly()?.as_array())?
-            }
-        };
+        let mut particles = places(&self.positions)?;
         if let Some(array) = &self.velocities {
             particles.velocities =
                 Some(bytemuck::allocation::cast_vec(floats::<3>(array, "velocities")?));
@@ -109,6 +104,14 @@ fn at(name: &str, particle: usize, value: &dyn std::fmt::Debug, expected: &str) 
     PyValueError::new_err(format!("{name}: particle {particle} has {value}; expected {expected}"))
 }
 
+/// Particles at the rows of an array of either kind of floats.
+pub(crate) fn places(array: &Bound<'_, PyAny>) -> PyResult<Particles> {
+    match array.cast::<PyArray2<f32>>() {
+        Ok(array) => positions(array.try_readonly()?.as_array()),
+        Err(_) => positions(array.cast::<PyArray2<f64>>()?.try_readonly()?.as_array()),
+    }
+}
+
 /// Particles at the rows of an array, with an origin as files of these numbers would have it.
 fn positions<T: Float>(array: ArrayView2<'_, T>) -> PyResult<Particles> {
     let place = |row: &[T; 3]| DVec3::from(row.map(Float::double));
@@ -138,7 +141,10 @@ fn positions<T: Float>(array: ArrayView2<'_, T>) -> PyResult<Particles> {
 }
 
 /// The rows of an array of N finite numbers.
-fn floats<const N: usize>(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[f32; N]>> {
+pub(crate) fn floats<const N: usize>(
+    array: &Bound<'_, PyAny>,
+    name: &str,
+) -> PyResult<Vec<[f32; N]>> {
     match array.cast::<PyArray2<f32>>() {
         Ok(array) => rows(array.try_readonly()?.as_array(), name),
         Err(_) => rows(array.cast::<PyArray2<f64>>()?.try_readonly()?.as_array(), name),

@@ -29,6 +29,7 @@ use pyo3::types::PyDict;
 use crate::arrays::Arrays;
 use crate::camera::Camera;
 use crate::colors::{Colored, Coloring};
+use crate::diffuse::DiffuseArrays;
 use crate::frames::{self, Frames, Setting, Source, Staged};
 use crate::images::{chosen, images, interleaved};
 use crate::kept::{Cause, Kept};
@@ -184,7 +185,7 @@ impl Device {
     }
 
     /// Draws particles.
-    #[pyo3(signature = (arrays, coloring, project, camera, up, radius, frame, size, samples, aovs, alpha, views, described, tick))]
+    #[pyo3(signature = (arrays, coloring, project, camera, up, radius, frame, size, samples, aovs, alpha, views, diffuse, described, tick))]
     #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
     fn draw<'py>(
         &self,
@@ -201,6 +202,7 @@ impl Device {
         aovs: Vec<String>,
         alpha: bool,
         views: Vec<PyRef<'py, Camera>>,
+        diffuse: Option<DiffuseArrays<'py>>,
         described: bool,
         tick: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -213,6 +215,7 @@ impl Device {
                 ..Adjustments::default()
             },
             takes_values: is_of_values,
+            diffuse: diffuse.map(|arrays| arrays.given()).transpose()?,
             project: project.map(|project| project.project()),
             camera: camera.map(|camera| *camera),
             up: frames::up(up)?,

@@ -18,6 +18,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::camera::{Camera, Kind};
+use crate::diffuse::Given;
 use crate::series::unmeasured;
 use crate::{arrays, colors, errors, scene, work};
 
@@ -41,6 +42,8 @@ pub(crate) struct Setting {
     pub(crate) in_metres: bool,
     /// The attribute that colours the particles, which needs an opaque liquid, and its map and range.
     pub(crate) colors: Adjustments,
+    /// Foam, spray, bubbles and dust.
+    pub(crate) diffuse: Option<Given>,
     /// Whether that attribute is an array of the caller's, of which the scene knows nothing.
     pub(crate) takes_values: bool,
 }
@@ -118,6 +121,17 @@ impl Setting {
             _ => opened.plain.source,
         };
         opened.loader.with_velocities = self.motion;
+        if let Some(given) = &self.diffuse {
+            let mut diffuse = given.diffuse.clone();
+            diffuse.to_y_up(up);
+            if !given.has_radii {
+                // As of files without radii.
+                let source = opened.loader.source();
+                let radius = source.files().first().and_then(|files| files.radius).unwrap_or(0.01);
+                diffuse.radii.fill(0.2 * radius);
+            }
+            opened.loader = opened.loader.with_diffuse(Arc::new(diffuse));
+        }
         Ok(Staged { opened, camera, own_camera })
     }
 }

@@ -6,6 +6,7 @@ mod bake;
 mod camera;
 mod colors;
 mod device;
+mod diffuse;
 mod errors;
 mod film;
 mod frames;

@@ -1,5 +1,5 @@
 //! Generated particles for [`limpid`]: closed-form [`recipe`]s, and [`sim`]ulations by position-based
-//! dynamics or linear waves.
+//! dynamics or linear waves; and the foam, spray and bubbles of any liquid, [`whitewater`].
 
 #![forbid(unsafe_code)]
 
@@ -7,3 +7,4 @@ pub mod recipe;
 pub mod rng;
 pub mod sim;
 pub mod waves;
+pub mod whitewater;

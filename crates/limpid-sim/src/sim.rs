@@ -4,9 +4,9 @@
 //! any number of threads, and after an interruption, since each frame is computed from the contents of
 //! the previous frame's file.
 
-mod colliders;
+pub(crate) mod colliders;
 mod emitter;
-mod grid;
+pub(crate) mod grid;
 mod kernel;
 mod pbf;
 mod swell;

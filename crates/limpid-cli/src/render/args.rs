@@ -68,6 +68,10 @@ pub(crate) struct Args {
     /// Take over claims that were not renewed for this long: their process has died or lost access.
     #[arg(long, value_name = "SECONDS", default_value = "120", requires = "claim", value_parser = clap::value_parser!(u64).range(1..=1 << 32))]
     pub(super) claim_timeout: u64,
+    /// Make foam, spray and bubbles of the liquid up to the last frame that is drawn, and draw them: as `limpid
+    /// whitewater` does, into the folder `whitewater` beside the pictures.
+    #[arg(long, conflicts_with = "beside")]
+    pub(super) whitewater: bool,
     /// Continue with the other frames if one fails; the exit code is then 1. A film repeats the picture before.
     #[arg(long)]
     pub(super) keep_going: bool,

@@ -21,6 +21,7 @@ use limpid_io::quality::Limits;
 
 use super::Args;
 use super::destination::{Destination, film_path};
+use super::whitewater;
 use crate::standard;
 
 /// Frame rate if neither the arguments nor the scene have one, frames per second.
@@ -117,6 +118,9 @@ impl Plan {
         notices.extend(loader.color_scale()?.filter(|scale| scale.automatic).map(Notice::Colors));
         notices.extend(no_legend(&overlay, args.size));
         let destination = Destination::new(args, path.as_slice(), &shots)?;
+        if args.whitewater {
+            loader = whitewater::beside(loader, &scene, &destination, &times, args.keep_going)?;
+        }
         let stride = loader.sequence.stride() as f64;
         let rate = stride * loader.fps().unwrap_or(fps);
         let clock = Clock { rate, stride, frozen: times.len() == 1 && shots.len() > 1, times };

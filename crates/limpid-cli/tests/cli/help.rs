@@ -36,7 +36,8 @@ fn commands_have_manual_pages() {
 /// refused. A new command has to be entered here.
 #[test]
 fn common_options_are_on_every_command() {
-    const READING: [&str; 6] = ["render", "view", "scene", "web", "info", "convert"];
+    const READING: [&str; 7] =
+        ["render", "view", "scene", "web", "whitewater", "info", "convert"];
     const DRAWING: [&str; 4] = ["render", "view", "scene", "web"];
     const SEQUENCES: [&str; 5] = ["render", "view", "web", "info", "convert"];
     const OTHERS: [&str; 3] = ["bake", "completions", "man"];
@@ -50,13 +51,13 @@ fn common_options_are_on_every_command() {
         ("--radius", &READING[..5]),
         ("--merge", &READING[..5]),
         ("--frames", &SEQUENCES),
-        ("--missing", &["render", "view"]),
-        ("--scene", &DRAWING),
+        ("--missing", &["render", "view", "whitewater"]),
+        ("--scene", &READING[..4]),
         ("--set", &DRAWING),
         ("--look", &DRAWING),
         ("--color-by", &DRAWING),
-        ("--scale", &DRAWING),
-        ("--fps", &DRAWING),
+        ("--scale", &READING[..4]),
+        ("--fps", &READING[..4]),
         ("--preset", &["render", "view"]),
     ];
     let folder = folder();

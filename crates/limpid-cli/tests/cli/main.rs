@@ -27,6 +27,7 @@ mod startup;
 #[path = "../../../../tests/support/mod.rs"]
 mod support;
 mod web;
+mod whitewater;
 mod words;
 
 use std::collections::BTreeSet;

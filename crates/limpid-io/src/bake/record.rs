@@ -39,7 +39,7 @@ pub(super) struct Record {
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be read.
-pub(super) fn checksum(path: &Path) -> Result<u32> {
+pub(crate) fn checksum(path: &Path) -> Result<u32> {
     let mut file = BufReader::new(files::open(path)?.0);
     let mut crc = flate2::Crc::new();
     loop {

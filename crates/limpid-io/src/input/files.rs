@@ -27,6 +27,9 @@ pub fn files_of(input: impl AsRef<Path>) -> Vec<PathBuf> {
     let mixed = fluids.into_iter().flatten();
     let sources = mixed.chain(table.get("particles")).filter_map(|of| named(Some(of), "source"));
     all.extend(sources.flat_map(|source| sequence_files(&source)));
+    let diffuse = table.get("diffuse").and_then(toml::Value::as_array);
+    let diffuse = diffuse.into_iter().flatten().filter_map(|of| named(Some(of), "source"));
+    all.extend(diffuse.flat_map(|source| sequence_files(&source)));
     let solids = table.get("solid").and_then(toml::Value::as_array);
     let meshes = solids.into_iter().flatten().filter_map(|solid| named(Some(solid), "file"));
     let bodies = named(table.get("rigid_bodies"), "source");

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use glam::{DVec3, Vec3};
+use limpid::diffuse::Diffuse;
 use limpid::liquid::Up;
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::{Splat, Splats};
@@ -71,6 +72,8 @@ pub struct Loaded {
     pub particles: usize,
     /// The classified particles.
     pub splats: Splats,
+    /// Foam, spray, bubbles and dust, if there are any.
+    pub diffuse: Option<Diffuse>,
     /// Number of splashes among them.
     pub splashes: usize,
     /// Origin of the radius; with several fluids, the least reliable.
@@ -99,7 +102,11 @@ impl Loaded {
     pub fn bytes(&self) -> u64 {
         let splats = self.splats.aggregates.capacity() + self.splats.splashes.capacity();
         let velocities = self.velocities.capacity() * size_of::<Vec3>();
-        (size_of::<Self>() + splats * size_of::<Splat>() + velocities) as u64 + self.moved.bytes()
+        // Position, velocity, radius, kind, age and lifetime.
+        const DIFFUSE: usize = 2 * size_of::<Vec3>() + 3 * size_of::<f32>() + 1;
+        let diffuse = self.diffuse.as_ref().map_or(0, |diffuse| diffuse.len() * DIFFUSE);
+        let own = size_of::<Self>() + splats * size_of::<Splat>() + velocities + diffuse;
+        own as u64 + self.moved.bytes()
     }
 
     /// The scene to draw the frame in: its solids are where they are then. `scene` is the one that the frame was

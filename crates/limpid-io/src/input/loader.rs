@@ -14,6 +14,7 @@ use limpid::scene::{Scene, Solid};
 
 #[cfg(doc)]
 use super::Input;
+use super::diffuse_files;
 use super::fluid::{Fluid, FluidSource, Origin};
 use super::loaded::{Loaded, RadiusFrom, UpFrom};
 use crate::color_by::{Attribute, AttributeRange, ColorBy, ColorScale, Values};
@@ -66,6 +67,8 @@ pub struct Loader {
     pub(super) fluids: Vec<Fluid>,
     /// The recipe or the simulation that makes the particles.
     made: Option<LiquidSource>,
+    /// Foam, spray, bubbles and dust.
+    pub(super) diffuse: Vec<diffuse_files::Source>,
     /// How the solids of the scene move; known after [`Input::resolve`].
     pub(super) motion: SolidMotion,
     pub(super) body: Option<Body>,
@@ -75,6 +78,7 @@ impl Loader {
     /// Reads the frames of at least one fluid.
     pub(super) fn new(fluids: Vec<Fluid>, frame: Option<i64>) -> Self {
         let first = fluids[0].sequence.clone();
+        let diffuse = diffuse_files::beside(&fluids);
         let joined = |all: Sequence, fluid: &Fluid| all.joined(&fluid.sequence);
         Self {
             sequence: fluids[1..].iter().fold(first, joined),
@@ -89,6 +93,7 @@ impl Loader {
             fps: None,
             fluids,
             made: None,
+            diffuse,
             motion: SolidMotion::default(),
             body: None,
         }
@@ -267,6 +272,10 @@ impl Loader {
             splats.colors = Some(by.colors(particles, radius, &splats, range)?);
         }
         splats.opaque = self.opaque_splats(particles, radius, scene, &solids).await?;
+        let (diffuse, on_diffuse) = match self.diffuse.as_slice() {
+            [] => (None, Vec::new()),
+            _ => self.diffuse(at, classify::median_radius(particles, radius)?)?,
+        };
         Ok(Loaded {
             number,
             particles: particles.len(),
@@ -277,7 +286,8 @@ impl Loader {
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
-            remarks: moved.remarks().to_vec(),
+            diffuse,
+            remarks: [moved.remarks(), &on_diffuse].concat(),
             bulk,
             moved,
             velocities: match particles.velocities.as_ref().filter(|_| self.with_velocities) {

@@ -4,9 +4,9 @@ use glam::DVec3;
 use limpid::look::{Body, Look};
 use limpid::scene::{Scene, Solid};
 
-use super::Input;
 use super::fluid::Fluid;
 use super::loader::Loader;
+use super::{Input, diffuse_files};
 use crate::error::Result;
 use crate::project::{Automatic, Project};
 
@@ -28,6 +28,9 @@ impl Input {
         let bare =
             || Project { automatic: Some(Automatic::all(Look::default())), ..Project::default() };
         let mut project = project.unwrap_or_else(bare);
+        if let Some(tables) = &project.diffuse {
+            loader.diffuse = diffuse_files::of_scene(tables)?;
+        }
         let complete = project.camera.is_some() && project.automatic.is_none() && !measured;
         if complete && loader.fluids.iter().all(|fluid| fluid.radius.is_some()) {
             loader.fluids.iter_mut().for_each(Fluid::resolve_up);

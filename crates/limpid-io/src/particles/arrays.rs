@@ -75,7 +75,7 @@ pub struct Contents {
     /// Parts that were left out, or understood in a way that the user should know.
     pub remarks: Vec<Remark>,
     /// Columns that attributes are made of, or that decide which particles are read: their names in lower case,
-    /// without units, and their numbers.
+    /// without units, and their numbers. In the end those of [`ReadOptions::columns`], of the particles that are read.
     pub(super) columns: Vec<(String, Vec<f64>)>,
     /// Arrays that are shown or described.
     pub(super) parts: Vec<Part>,

@@ -21,8 +21,8 @@ use flate2::read::MultiGzDecoder;
 use flate2::{Compression, write::GzEncoder};
 
 use super::{
-    Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar, Values, foreign, houdini,
-    narrow_id, scf, too_large,
+    Column, Contents, Cursor, Others, POSITION_BYTES, Particles, Reading, Scalar, Values, foreign,
+    houdini, narrow_id, scf, too_large,
 };
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result};
@@ -65,14 +65,22 @@ pub(super) fn unpack(path: &Path, bytes: &[u8], budget: &Budget) -> Result<Vec<u
     Ok(unpacked)
 }
 
-pub(crate) fn write_gzip(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+pub(super) fn write_gzip(
+    particles: &Particles,
+    others: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
     let mut gzip = GzEncoder::new(out, Compression::fast());
-    encode(particles, &mut gzip)?;
+    encode(particles, others, &mut gzip)?;
     gzip.finish().map(drop)
 }
 
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
-    encode(particles, out)
+pub(super) fn write(
+    particles: &Particles,
+    others: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
+    encode(particles, others, out)
 }
 
 /// The file of particles in memory.
@@ -81,18 +89,18 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
 /// As [`crate::particles::write`].
 pub fn to_bytes(particles: &Particles) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    encode(particles, &mut bytes)?;
+    encode(particles, &[], &mut bytes)?;
     Ok(bytes)
 }
 
 /// Writes the points with the attributes that they have; the radius under Houdini's name `pscale`.
-fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
+fn encode(particles: &Particles, others: &Others<'_>, out: &mut impl Write) -> io::Result<()> {
     const FLOAT: i32 = 0;
     const INTEGER: i32 = 1;
     const VECTOR: i32 = 5;
     let points = i32::try_from(particles.len())
         .map_err(|_| too_large("BGEO holds at most 2147483647 particles"))?;
-    let attributes = super::attributes(particles);
+    let attributes = super::with_others(particles, others);
 
     out.write_all(b"BgeoV")?;
     for number in [5, points, 0, 0, 0, attributes.len() as i32, 0, 0, 0] {

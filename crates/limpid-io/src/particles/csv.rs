@@ -14,7 +14,9 @@ use csv::{ByteRecord, ReaderBuilder, Trim};
 use glam::DVec3;
 
 use super::labelled::{Layout, position_among};
-use super::{AttributeMap, Contents, Cursor, Particles, Reading, Values, foreign, known_magic};
+use super::{
+    AttributeMap, Contents, Cursor, Others, Particles, Reading, Values, foreign, known_magic,
+};
 use crate::error::Result;
 use crate::number::float;
 use limpid::liquid::particles::origin_for;
@@ -187,8 +189,12 @@ fn label(field: &[u8]) -> String {
 }
 
 /// Writes a line of names and one per particle, with the shortest digits that identify each number.
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
-    let attributes = super::attributes(particles);
+pub(super) fn write(
+    particles: &Particles,
+    others: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
+    let attributes = super::with_others(particles, others);
     // Positions far from 0 are read as 64-bit numbers, so they need all digits to read back the same.
     let origin = || origin_for(particles.len(), |i| particles.place(i));
     let single = particles.narrow() && origin() == DVec3::ZERO;

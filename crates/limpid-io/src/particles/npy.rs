@@ -18,14 +18,15 @@ use std::path::Path;
 
 use super::axes::{Grid, Places};
 use super::{
-    Contents, Cursor, FileBytes, Particles, ReadOptions, Reading, Scalar, foreign, write_numbers,
+    Contents, Cursor, FileBytes, Others, Particles, ReadOptions, Reading, Scalar, foreign,
+    write_numbers,
 };
 use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::files::{self, File as InputFile};
 use limpid::memory;
 
-pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(MAGIC) {
         return Err(foreign(path, bytes, "a NumPy array"));
     }
@@ -44,7 +45,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
         let problem = format!("{left} bytes follow the array of shape ({})", shape.join(", "));
         return Err(file.source.error(file.offset, problem));
     }
-    header.contents(path, &places, 0, file.start, numbers)
+    header.contents(path, reading, &places, 0, file.start, numbers)
 }
 
 /// Number of time steps in the array; 1 if it has no axis of them, or cannot be read.
@@ -79,7 +80,8 @@ pub(super) fn read_step(path: &Path, step: usize, options: &ReadOptions) -> Resu
     let read = file.read_exact(&mut bytes);
     files::unchanged(path, &file, &metadata)?;
     read.map_err(fail)?;
-    header.contents(path, &places, step, from as usize, &bytes)
+    let reading = Reading::new(options, &budget);
+    header.contents(path, &reading, &places, step, from as usize, &bytes)
 }
 
 /// The bytes at the beginning of a file, more than any header has, and its length.
@@ -167,6 +169,7 @@ impl Header {
     fn contents(
         &self,
         path: &Path,
+        reading: &Reading<'_>,
         places: &Places,
         step: usize,
         start: usize,
@@ -183,6 +186,9 @@ impl Header {
             let what = if places.axes.are_rows() { "columns" } else { "rows" };
             let shape = [table.rows, columns.len() - 3];
             contents.list(&format!("{what} after the third"), &shape, None);
+            for (number, &column) in (1..).zip(&columns).skip(3) {
+                contents.keep(reading, &format!("column {number}"), &table, &[column])?;
+            }
         }
         Ok(contents)
     }
@@ -213,7 +219,11 @@ fn scalar(kind: &str) -> Option<(bool, Scalar)> {
 }
 
 /// Writes the positions.
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+pub(super) fn write(
+    particles: &Particles,
+    _: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
     write_positions(particles, out)
 }
 

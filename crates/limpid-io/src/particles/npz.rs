@@ -13,8 +13,8 @@ use super::axes::{Axes, Grid, Places};
 use super::labelled::{position_among, velocity_among};
 use super::npy::{self, Header};
 use super::{
-    Attribute, AttributeMap, Column, Contents, Cursor, FileBytes, Particles, ReadOptions, Reading,
-    Table, Values, foreign, write_numbers,
+    Attribute, AttributeMap, Column, Contents, Cursor, FileBytes, Others, Particles, ReadOptions,
+    Reading, Table, Values, foreign, write_numbers,
 };
 use crate::budget::Budget;
 use crate::error::{Error, Location, Result, printable};
@@ -534,7 +534,11 @@ fn damaged(path: &Path, problem: &str) -> Error {
 }
 
 /// Writes the positions and all attributes without compression, since deflate saves little on floats.
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+pub(super) fn write(
+    particles: &Particles,
+    others: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
     let n = particles.len();
     // Members of more than 4 GiB need a zip64 header, which is written first.
     let options = SimpleFileOptions::default()
@@ -543,7 +547,7 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
     let mut archive = ZipWriter::new_stream(out);
     archive.start_file("positions.npy", options)?;
     npy::write_positions(particles, &mut archive)?;
-    for (name, values) in super::attributes(particles) {
+    for (name, values) in super::with_others(particles, others) {
         archive.start_file(format!("{name}.npy"), options)?;
         match values {
             Values::Integers(ids) => {

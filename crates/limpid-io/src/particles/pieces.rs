@@ -71,6 +71,18 @@ pub(crate) fn joined(path: &Path, mut parts: Vec<(String, Contents)>) -> Result<
         |r: &Remark| matches!(r, Remark::Partial { found, total, .. } if found < total);
     all.remarks.retain(|remark| !matches!(remark, Remark::Partial { .. }) || is_partial(remark));
     all.particles = Particles::joined(&particles);
+    let filled = || parts.iter().zip(&particles).filter(|(_, own)| !own.is_empty());
+    if let Some(((_, first), _)) = filled().next() {
+        // Those that every part has.
+        let of = |name: &String| {
+            let column = |part: &Contents| {
+                part.columns.iter().find(|(own, _)| own == name).map(|(_, numbers)| numbers.clone())
+            };
+            let all: Option<Vec<_>> = filled().map(|((_, part), _)| column(part)).collect();
+            Some((name.clone(), all?.concat()))
+        };
+        all.columns = first.columns.iter().filter_map(|(name, _)| of(name)).collect();
+    }
     if !all.particles.is_empty() {
         // Others may have some.
         all.remarks.retain(|remark| !matches!(remark, Remark::NoneSelected { .. }));

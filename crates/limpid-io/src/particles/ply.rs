@@ -10,8 +10,8 @@ use std::path::Path;
 
 use super::labelled::{ellipsoid_among, position_among, velocity_among};
 use super::{
-    Attribute, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values, foreign,
-    narrow_id,
+    Attribute, Column, Contents, Cursor, Others, Particles, Reading, Scalar, Table, Values,
+    foreign, narrow_id,
 };
 use crate::error::{Error, Result};
 use limpid::memory;
@@ -289,8 +289,12 @@ fn vertices(
 }
 
 /// Writes the vertices, binary and little-endian.
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
-    let attributes = super::attributes(particles);
+pub(super) fn write(
+    particles: &Particles,
+    others: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
+    let attributes = super::with_others(particles, others);
     let narrow = particles.narrow();
     writeln!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}", particles.len())?;
     for axis in ["x", "y", "z"] {

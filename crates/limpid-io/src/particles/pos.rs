@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use super::ELLIPSOIDS_KIND;
 use super::{
-    Attribute, Column, Contents, Cursor, Ellipsoid, Particles, Reading, Scalar, foreign,
+    Attribute, Column, Contents, Cursor, Ellipsoid, Others, Particles, Reading, Scalar, foreign,
     known_magic, too_large,
 };
 use crate::error::{Error, Result};
@@ -130,7 +130,11 @@ fn end(file: &mut Cursor<'_>, what: &str) -> Result<()> {
     }
 }
 
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+pub(super) fn write(
+    particles: &Particles,
+    _: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
     out.write_all(&rows(particles)?.to_le_bytes())?;
     out.write_all(&written_radius(particles).to_le_bytes())?;
     (0..particles.len()).try_for_each(|i| {

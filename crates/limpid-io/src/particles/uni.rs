@@ -56,6 +56,11 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         .chunks_exact(16)
         .map(|row| row.last_chunk().map_or(0, |&flags| u32::from_le_bytes(flags)) & GONE == 0)
         .collect();
+    contents.keep(reading, "flags", &table, &[Column { offset: 12, scalar: Scalar::I32 }])?;
+    for (_, flags) in &mut contents.columns {
+        let mut i = 0..;
+        flags.retain(|_| i.next().is_some_and(|i: usize| there[i]));
+    }
     contents.particles.retain(|i| there[i]);
     contents.list("flags", &[table.rows], None);
     Ok(contents)

@@ -30,13 +30,18 @@ impl Contents {
             return Ok(());
         }
         let selected = self.selected(path, reading)?;
-        self.columns = Vec::new();
+        self.columns.retain(|(name, _)| reading.wants_column(name));
         self.show(reading);
         let placed = self.placed(reading)?;
         if placed.is_some() || selected.is_some() {
             let keeps =
                 |mask: &Option<Vec<bool>>, i: usize| mask.as_ref().is_none_or(|mask| mask[i]);
             self.particles.retain(|i| keeps(&placed, i) && keeps(&selected, i));
+            for (_, numbers) in &mut self.columns {
+                let mut i = 0..;
+                numbers
+                    .retain(|_| i.next().is_some_and(|i| keeps(&placed, i) && keeps(&selected, i)));
+            }
             self.describe(|i| keeps(&placed, i) && keeps(&selected, i));
         }
         self.describe(|_| true);

@@ -18,6 +18,19 @@ pub(super) fn attributes(particles: &Particles) -> Vec<(&'static str, Values<'_>
     attributes.into_iter().filter_map(|(name, values)| Some((name, values?))).collect()
 }
 
+/// Arrays that are written beside the attributes, with their names.
+pub(super) type Others<'a> = [(&'static str, Values<'a>)];
+
+/// The present attributes, and further arrays.
+pub(super) fn with_others<'a>(
+    particles: &'a Particles,
+    others: &Others<'a>,
+) -> Vec<(&'static str, Values<'a>)> {
+    let mut all = attributes(particles);
+    all.extend_from_slice(others);
+    all
+}
+
 /// The values of an attribute, for writers.
 #[derive(Clone, Copy)]
 pub(super) enum Values<'a> {

@@ -11,7 +11,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::{
-    Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values, foreign, write_numbers,
+    Column, Contents, Cursor, Others, Particles, Reading, Scalar, Table, Values, foreign,
+    write_numbers,
 };
 use crate::error::{Error, Result};
 use limpid::memory;
@@ -451,7 +452,11 @@ fn shorten(text: &str) -> String {
 /// Writes an unstructured grid of vertices as SPlisHSPlasH does: version 4.1, binary, ids as scalars,
 /// the other attributes as field data. Ids beyond unsigned 32 bits are written as 64-bit integers, with
 /// the type name of newer versions.
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+pub(super) fn write(
+    particles: &Particles,
+    others: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
     let n = particles.len();
     write!(out, "# vtk DataFile Version 4.1\nparticles\nBINARY\nDATASET UNSTRUCTURED_GRID\n")?;
     if particles.narrow() {
@@ -472,14 +477,14 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
         out.write_all(&1_u32.to_be_bytes())?;
     }
     write!(out, "\nPOINT_DATA {n}\n")?;
-    let (ids, fields): (Vec<_>, Vec<_>) = super::attributes(particles)
+    let (ids, fields): (Vec<_>, Vec<_>) = super::with_others(particles, others)
         .into_iter()
         .partition(|(_, v)| matches!(v, Values::Integers(_)));
     for (name, values) in ids {
         let Values::Integers(ids) = values else { continue };
         let short = ids.iter().all(|&id| u32::try_from(id).is_ok());
         let kind = if short { "unsigned_int" } else { "vtktypeint64" };
-        write!(out, "SCALARS {name} {kind} 1\nLOOKUP_TABLE id_table\n")?;
+        write!(out, "SCALARS {name} {kind} 1\nLOOKUP_TABLE {name}_table\n")?;
         if short {
             write_numbers(ids, |id| (id as u32).to_be_bytes(), out)?;
         } else {

@@ -30,7 +30,7 @@ use super::{Column, Contents, FileBytes, Reading, Scalar, Table};
 use crate::error::Result;
 use limpid::memory;
 
-pub(crate) use write::write;
+pub(super) use write::write;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     let source = FileBytes { path, bytes, text: false };

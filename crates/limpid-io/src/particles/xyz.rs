@@ -15,8 +15,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    Column, Contents, Cursor, Particles, Reading, Scalar, Table, extxyz, foreign, known_magic,
-    stl_length,
+    Column, Contents, Cursor, Others, Particles, Reading, Scalar, Table, extxyz, foreign,
+    known_magic, stl_length,
 };
 use crate::error::{Error, Location, Result};
 use crate::files;
@@ -108,7 +108,11 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
 }
 
 /// Writes raw floats.
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+pub(super) fn write(
+    particles: &Particles,
+    _: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
     (0..particles.len()).try_for_each(|i| {
         let position = particles.single_place(i).to_array();
         out.write_all(position.map(f32::to_le_bytes).as_flattened())

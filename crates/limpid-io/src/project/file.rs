@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use super::bodies::{Bodies, BodiesFile};
+use super::diffuse::{self, DiffuseSource};
 use super::lengths;
 use super::motion::SolidMotion;
 use super::sections::{
@@ -49,6 +50,7 @@ struct SceneFile {
     fluid: Vec<FluidFile>,
     recipe: Option<Recipe>,
     simulation: Option<Simulation>,
+    diffuse: Option<Vec<DiffuseSource>>,
     #[serde(default)]
     liquid: LiquidFile,
     camera: Option<Camera>,
@@ -174,6 +176,7 @@ impl Project {
         }
         let color_by = file.liquid.color_by().map_err(|e| fail(format!("[liquid] {e}")))?;
         let liquid = file.liquid.validated().map_err(|e| fail(format!("[liquid] {e}")))?;
+        let diffuse = file.diffuse.map(|all| diffuse::validated(all, folder, &fail)).transpose()?;
         let fluids = std::mem::take(&mut file.fluid);
         let alone = (file.particles, file.recipe, file.simulation);
         let (source, media) = liquid_source(alone, fluids, &liquid, folder, &fail)?;
@@ -192,6 +195,7 @@ impl Project {
             solid_files,
             motion,
             source,
+            diffuse,
             camera: file.camera,
             camera_axes,
             views: file.view,
@@ -254,6 +258,7 @@ impl Project {
             fluid,
             recipe: source.recipe().copied(),
             simulation: source.simulation().cloned(),
+            diffuse: self.diffuse.clone(),
             liquid,
             camera: *camera,
             view: views.clone(),
@@ -323,6 +328,9 @@ impl Project {
         let mut files = project.solid_files.name_given(path)?;
         for particles in project.source.files_mut() {
             particles.source = relative_to(folder, &particles.source);
+        }
+        for diffuse in project.diffuse.iter_mut().flatten() {
+            diffuse.source = relative_to(folder, &diffuse.source);
         }
         let relative = |path: &Path| relative_to(folder, path);
         project.solid_files.map_paths(relative);

@@ -123,6 +123,20 @@ pub(super) fn split_number(name: &str) -> Option<(&str, i64, &str)> {
     Some((&name[..start], name[start..end].parse().ok()?, &name[end..]))
 }
 
+/// The name of a file without the number and what stands before it, as `water` of `water_0001.bgeo`.
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) fn name_of_frames(path: &Path) -> String {
+    let name = file_name(path);
+    let stem = match split_number(&name) {
+        Some((before, ..)) => before,
+        None => {
+            let plain = Path::new(&name).file_stem().and_then(OsStr::to_str);
+            readable_stem(&name).or(plain).unwrap_or(&name)
+        }
+    };
+    stem.trim_end_matches(|c: char| !c.is_alphanumeric()).to_owned()
+}
+
 /// The names in a folder, sorted, except hidden ones and those that are not Unicode.
 pub(super) fn file_names(folder: &Path) -> Result<Vec<String>> {
     let names = files::names_in(folder).map_err(|source| Error::io(folder, "list", source))?;

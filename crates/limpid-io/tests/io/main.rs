@@ -4,6 +4,7 @@
 
 mod bake;
 mod camera_path;
+mod diffuse;
 mod fluids;
 mod frame_cache;
 mod input;
@@ -16,3 +17,4 @@ mod sequence;
 #[path = "../../../../tests/support/mod.rs"]
 mod support;
 mod walls;
+mod whitewater;

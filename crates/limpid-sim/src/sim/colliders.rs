@@ -104,7 +104,7 @@ impl Collider {
 
 /// All obstacles of a scene.
 #[derive(Debug, Clone)]
-pub(super) struct Colliders {
+pub(crate) struct Colliders {
     all: Vec<Collider>,
     /// Distance of particle centres from obstacles, m.
     radius: f32,
@@ -121,7 +121,7 @@ pub(super) fn above(contact: Contact, x: Vec3) -> f32 {
 }
 
 impl Colliders {
-    pub(super) fn new(solids: &[Solid], bounds: Option<Extent>, radius: f32) -> Self {
+    pub(crate) fn new(solids: &[Solid], bounds: Option<Extent>, radius: f32) -> Self {
         let solid = |solid: &Solid| match solid.shape {
             Shape::Plane { origin, normal, half_extent } if half_extent.is_infinite() => {
                 let offset = normal.as_dvec3().dot(origin) as f32;
@@ -149,7 +149,7 @@ impl Colliders {
     }
 
     /// Position of a particle placed at `x`, moved clear of nearby obstacles; `None` inside a solid.
-    pub(super) fn place(&self, x: Vec3) -> Option<Vec3> {
+    pub(crate) fn place(&self, x: Vec3) -> Option<Vec3> {
         let mut contacts = Vec::new();
         self.contacts(x, self.radius, &mut contacts);
         let outside = contacts.iter().all(|&contact| above(contact, x) > 0.0);
@@ -160,7 +160,7 @@ impl Colliders {
     /// side of every obstacle: a convex one lies behind the tangent plane at its nearest point, and the path
     /// up to that plane is free; a mesh leaves free only the ball around the particle that it does not
     /// enter.
-    pub(super) fn sweep(&self, from: Vec3, to: Vec3) -> Vec3 {
+    pub(crate) fn sweep(&self, from: Vec3, to: Vec3) -> Vec3 {
         /// Gap below which a particle touches an obstacle, relative to the radius.
         const TOUCHING: f32 = 1e-3;
         const STEPS: u32 = 32;

@@ -12,7 +12,7 @@ pub(super) const CHUNK: usize = 256;
 /// A grid whose cells are at least as wide as the kernel, over the bulk of the particles. Particles
 /// outside it are assigned to the border cells, so that stray ones do not enlarge the grid.
 #[derive(Debug, Default)]
-pub(super) struct Grid {
+pub(crate) struct Grid {
     min: Vec3,
     per_cell: f32,
     counts: [usize; 3],
@@ -24,7 +24,7 @@ pub(super) struct Grid {
 impl Grid {
     /// Sorts the points by cell, x fastest, and stably. Writes to `order`, for each index in the new
     /// order, the index in the old one.
-    pub(super) fn sort(&mut self, points: &[Vec3], width: f32, order: &mut Vec<u32>) {
+    pub(crate) fn sort(&mut self, points: &[Vec3], width: f32, order: &mut Vec<u32>) {
         self.fit(points, width);
         let Self { min, per_cell, counts, .. } = *self;
         points
@@ -88,7 +88,14 @@ impl Grid {
     }
 
     /// Appends the neighbours of particle `i` at `x` that are nearer than the root of `square`.
-    fn append(&self, points: &[Vec4], i: usize, x: Vec3, square: f32, found: &mut Vec<u32>) {
+    pub(crate) fn append(
+        &self,
+        points: &[Vec4],
+        i: usize,
+        x: Vec3,
+        square: f32,
+        found: &mut Vec<u32>,
+    ) {
         let counts = self.counts;
         let [cx, cy, cz] = cell(x, self.min, self.per_cell, counts);
         let around = |c: usize, count: usize| c.saturating_sub(1)..(c + 2).min(count);

@@ -6,16 +6,20 @@ use std::io::{self, BufWriter, Write};
 use base64::prelude::BASE64_STANDARD;
 use base64::write::EncoderWriter;
 
-use crate::particles::{Particles, Values, write_numbers};
+use crate::particles::{Others, Particles, Values, write_numbers};
 
 /// Writes an unstructured grid of vertices in one piece, with arrays appended as base64, which is valid
 /// XML for all readers, unlike raw data.
-pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+pub(in crate::particles) fn write(
+    particles: &Particles,
+    others: &Others<'_>,
+    out: &mut BufWriter<&File>,
+) -> io::Result<()> {
     let n = particles.len();
     let mut appended = Appended { xml: String::new(), length: 0 };
     let wide = !particles.narrow();
     appended.element("PointData", |appended| {
-        for (name, values) in super::super::attributes(particles) {
+        for (name, values) in super::super::with_others(particles, others) {
             let kind = if matches!(values, Values::Integers(_)) { "Int64" } else { "Float32" };
             appended.array(kind, name, values.size(), n);
         }
@@ -36,7 +40,7 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
          <UnstructuredGrid>\n<Piece NumberOfPoints=\"{n}\" NumberOfCells=\"{n}\">\n{xml}</Piece>\n</UnstructuredGrid>\n\
          <AppendedData encoding=\"base64\">\n_"
     )?;
-    for (_, values) in super::super::attributes(particles) {
+    for (_, values) in super::super::with_others(particles, others) {
         match values {
             Values::Integers(ids) => base64(ids, i64::to_le_bytes, out)?,
             _ => base64(values.floats(), f32::to_le_bytes, out)?,

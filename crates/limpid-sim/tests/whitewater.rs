@@ -1,0 +1,397 @@
+//! Whitewater: potentials with closed forms, motion that is known, and what must not change its bits.
+
+use glam::{DVec3, Vec3};
+use limpid::diffuse::{Diffuse, DiffuseKind};
+use limpid::liquid::Particles;
+use limpid::scene::{Shape, Solid, Surface};
+use limpid_sim::rng::splitmix64;
+use limpid_sim::whitewater::{
+    Choices, Flow, Passage, Potentials, Survey, Surveyor, Whitewater, duration, falls, velocities,
+};
+
+const RADIUS: f32 = 0.025;
+const GRAVITY: f32 = 9.81;
+
+/// Places of a cubic lattice with these numbers of particles along the axes, which begins at `min`.
+fn lattice(counts: [usize; 3], min: Vec3, radius: f32) -> Vec<Vec3> {
+    let [nx, ny, nz] = counts;
+    let place = |i: usize| Vec3::new((i % nx) as f32, (i / nx % ny) as f32, (i / nx / ny) as f32);
+    (0..nx * ny * nz).map(|i| min + 2.0 * radius * place(i)).collect()
+}
+
+fn flow(places: &[Vec3], radius: f32, velocity: impl Fn(Vec3, usize) -> Vec3) -> Flow {
+    let particles = Particles::from_positions(places.to_vec());
+    let velocities: Vec<Vec3> = places.iter().enumerate().map(|(i, &x)| velocity(x, i)).collect();
+    Flow::new(&particles, &velocities, radius)
+}
+
+/// A survey of liquid that makes much, in an endless space.
+fn survey() -> Survey {
+    Survey {
+        radius: RADIUS,
+        gravity: GRAVITY,
+        full: 33.5,
+        head: [4.0, 16.0],
+        air: [0.5, 2.0],
+        crest: [0.03, 0.12],
+        life: 0.5,
+        rate: 100.0,
+        population: 1e4,
+        bounds: [DVec3::splat(-1e3), DVec3::splat(1e3)],
+    }
+}
+
+fn generator(choices: Choices) -> Whitewater {
+    Whitewater { choices, survey: survey() }
+}
+
+/// One particle that lives long.
+fn single(kind: DiffuseKind, position: Vec3, velocity: Vec3) -> Diffuse {
+    Diffuse {
+        kinds: vec![kind],
+        velocities: Some(vec![velocity]),
+        ages: Some(vec![0.0]),
+        lifetimes: Some(vec![1e3]),
+        ..Diffuse::from_positions(vec![position], 0.2 * RADIUS)
+    }
+}
+
+fn passage<'a>(before: &'a Flow, after: &'a Flow, seconds: f32) -> Passage<'a> {
+    Passage { before, after, seconds, solids: &[], number: 1 }
+}
+
+fn interior(places: &[Vec3], i: usize) -> bool {
+    let (min, max) = places.iter().fold((places[0], places[0]), |(a, b), &x| (a.min(x), b.max(x)));
+    let margin = Vec3::splat(4.5 * RADIUS);
+    places[i].cmpgt(min + margin).all() && places[i].cmplt(max - margin).all()
+}
+
+/// Two streams of speed u that cross trap as much air as a neighbour meets them on average: u. Liquid that moves as one
+/// traps none, however fast.
+#[test]
+fn air_is_trapped_where_streams_meet() {
+    let places = lattice([14; 3], Vec3::ZERO, RADIUS);
+    // Weights of the 26 neighbours of a lattice within four radii.
+    let weight = |distance: f32| 1.0 - distance / 4.0;
+    let full =
+        4.0 * (6.0 * weight(2.0) + 12.0 * weight(8_f32.sqrt()) + 8.0 * weight(12_f32.sqrt()));
+    let mut state = 7;
+    let signs: Vec<f32> =
+        places.iter().map(|_| if splitmix64(&mut state) < 0.5 { -3.0 } else { 3.0 }).collect();
+    let streams = Potentials::of(&flow(&places, RADIUS, |_, i| signs[i] * Vec3::X), full);
+    let inside: Vec<f32> =
+        (0..places.len()).filter(|&i| interior(&places, i)).map(|i| streams[i].air).collect();
+    let mean = inside.iter().sum::<f32>() / inside.len() as f32;
+    assert!((mean - 3.0).abs() < 0.15, "{mean}");
+    let together = Potentials::of(&flow(&places, RADIUS, |_, _| Vec3::new(30.0, -40.0, 5.0)), full);
+    assert!(together.iter().all(|own| own.air == 0.0));
+    assert!(together.iter().all(|own| (own.square - 2525.0).abs() < 0.1));
+}
+
+/// Liquid that approaches counts twice, liquid that recedes not at all (equation 2).
+#[test]
+fn receding_liquid_traps_no_air() {
+    let places = [Vec3::ZERO, 2.0 * RADIUS * Vec3::X];
+    let air = |speed: f32| {
+        let toward = |x: Vec3, _| if x.x > 0.0 { -speed * Vec3::X } else { Vec3::ZERO };
+        Potentials::of(&flow(&places, RADIUS, toward), 4.0)[0].air
+    };
+    assert!((air(1.0) - 2.0 * 0.5).abs() < 1e-6);
+    assert_eq!(air(-1.0), 0.0);
+}
+
+/// Curvature of a ball that grows falls with the square of its radius; a flat surface and one that sinks have none.
+#[test]
+fn crests_are_convex_and_move_outwards() {
+    let ball = |cells: f32| {
+        let n = 2 * cells as usize + 3;
+        let middle = Vec3::splat((n / 2) as f32 * 2.0 * RADIUS);
+        let mut places = lattice([n; 3], -middle, RADIUS);
+        places.retain(|x| x.length() < cells * 2.0 * RADIUS);
+        let crest = |direction: f32| {
+            let all = Potentials::of(
+                &flow(&places, RADIUS, |x, _| direction * x.normalize_or_zero()),
+                33.5,
+            );
+            let surface: Vec<f32> =
+                all.iter().filter(|own| own.normal != Vec3::ZERO).map(|own| own.crest).collect();
+            surface.iter().sum::<f32>() / surface.len() as f32
+        };
+        (crest(1.0), crest(-1.0))
+    };
+    let ((small, sinking), (large, _)) = (ball(5.0), ball(10.0));
+    assert_eq!(sinking, 0.0);
+    assert!((2.5..6.0).contains(&(small / large)), "{small} {large}");
+    let places = lattice([14, 6, 14], Vec3::ZERO, RADIUS);
+    let flat = Potentials::of(&flow(&places, RADIUS, |_, _| Vec3::Y), 33.5);
+    let top = 5.0 * 2.0 * RADIUS;
+    let mut seen = 0;
+    for (x, own) in places.iter().zip(&flat) {
+        let is_inside = |c: f32| c > 8.0 * RADIUS && c < 18.0 * RADIUS;
+        if x.y > top - RADIUS && is_inside(x.x) && is_inside(x.z) {
+            assert!(own.normal.y > 0.99 && own.crest < 1e-6, "{own:?}");
+            seen += 1;
+        }
+    }
+    assert!(seen >= 16);
+}
+
+/// A tank whose particles tremble makes nothing, whatever its own percentiles are.
+#[test]
+fn calm_liquid_makes_nothing() {
+    let places = lattice([12, 8, 12], Vec3::ZERO, RADIUS);
+    let unit = (2.0 * GRAVITY * RADIUS).sqrt();
+    let mut state = 3;
+    let noise: Vec<Vec3> = places
+        .iter()
+        .map(|_| {
+            let random = || 2.0 * splitmix64(&mut state) as f32 - 1.0;
+            0.3 * unit
+                * Vec3::from_array([(); 3].map({
+                    let mut random = random;
+                    move |()| random()
+                }))
+        })
+        .collect();
+    let liquid = flow(&places, RADIUS, |_, i| noise[i]);
+    let mut surveyor = Surveyor::new(RADIUS);
+    surveyor.add(&liquid, (DVec3::ZERO, DVec3::ONE), &Surveyor::potentials(&liquid), &[]);
+    let own = Whitewater { choices: Choices::default(), survey: surveyor.finish() };
+    let made = own.step(&passage(&liquid, &liquid, 0.04), &Diffuse::default());
+    assert!(made.is_empty() && own.survey.population == 0.0, "{} {:?}", made.len(), own.survey);
+}
+
+/// A splash: two blocks that collide, in any unit of length. A power of four scales every number exactly, as its root
+/// scales the times.
+fn splash(scale: f32, choices: Choices, steps: i64) -> (Survey, Vec<Diffuse>) {
+    let radius = scale * RADIUS;
+    let time = scale.sqrt();
+    let seconds = time / 32.0;
+    let places = lattice([20, 8, 8], Vec3::ZERO, radius);
+    let middle = 19.0 * radius;
+    let speed = 4.0 * scale / time;
+    let velocity = |x: Vec3, i: usize| {
+        let towards = if x.x < middle { speed } else { -speed };
+        Vec3::new(towards, 0.25 * speed * (i % 7) as f32, 0.0)
+    };
+    let at = |k: f32| {
+        let moved: Vec<Vec3> = (places.iter().enumerate())
+            .map(|(i, &x)| x + k * 0.1 * seconds * velocity(x, i))
+            .collect();
+        let velocities: Vec<Vec3> =
+            places.iter().enumerate().map(|(i, &x)| velocity(x, i)).collect();
+        Flow::new(&Particles::from_positions(moved), &velocities, radius)
+    };
+    let mut surveyor = Surveyor::new(radius);
+    for k in 0..3 {
+        let liquid = at(k as f32);
+        let potentials = Surveyor::potentials(&liquid);
+        let bounds = (DVec3::splat(-f64::from(scale)), DVec3::splat(f64::from(2.0 * scale)));
+        surveyor.add(&liquid, bounds, &potentials, &[]);
+    }
+    let own = Whitewater { choices, survey: surveyor.finish() };
+    let mut states = vec![Diffuse::default()];
+    for number in 1..=steps {
+        let (before, after) = (at(number as f32 - 1.0), at(number as f32));
+        let passage = Passage { before: &before, after: &after, seconds, solids: &[], number };
+        states.push(own.step(&passage, &states[states.len() - 1]));
+    }
+    (own.survey, states)
+}
+
+#[test]
+fn the_unit_of_length_does_not_matter() {
+    let (survey, small) = splash(1.0, Choices::default(), 4);
+    let (_, large) = splash(1024.0, Choices::default(), 4);
+    let [foam, spray, bubbles, _] = small[4].counts();
+    assert!(foam > 20 && spray > 20 && bubbles > 50, "{:?} {survey:?}", small[4].counts());
+    for (small, large) in small.iter().zip(&large) {
+        assert_eq!(small.kinds, large.kinds);
+        let mut scaled = small.clone();
+        scaled.scale(1024.0);
+        assert_eq!(scaled.positions, large.positions);
+        assert_eq!(scaled.radii, large.radii);
+        // Speeds grow with the root.
+        let faster = |all: &Diffuse| all.velocities.clone().unwrap_or_default();
+        let expected: Vec<Vec3> = faster(small).into_iter().map(|v| 32.0 * v).collect();
+        assert_eq!(expected, faster(large));
+    }
+}
+
+#[test]
+fn threads_change_nothing_and_seeds_do() {
+    let on = |threads: usize, seed: u64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| splash(1.0, Choices { seed, ..Choices::default() }, 3).1)
+    };
+    let (one, four) = (on(1, 1), on(4, 1));
+    assert_eq!(one, four);
+    let other = on(2, 2);
+    assert_ne!(other[3].positions, one[3].positions);
+    // About as many.
+    let (a, b) = (one[3].len() as f32, other[3].len() as f32);
+    assert!((a / b - 1.0).abs() < 0.2, "{a} {b}");
+    let twice = splash(1.0, Choices { amount: 0.5, ..Choices::default() }, 3).1;
+    assert!((twice[3].len() as f32 / a - 0.5).abs() < 0.1, "{} {a}", twice[3].len());
+}
+
+/// Numbers of particles are bounded, and nothing is emitted beyond.
+#[test]
+fn memory_is_bounded() {
+    let places = lattice([20, 8, 8], Vec3::ZERO, RADIUS);
+    let mut state = 3;
+    let signs: Vec<f32> = places.iter().map(|_| splitmix64(&mut state) as f32 - 0.5).collect();
+    let wild = flow(&places, RADIUS, |_, i| 30.0 * signs[i] * Vec3::X);
+    let own = Whitewater {
+        choices: Choices::default(),
+        survey: Survey { population: 400.0, rate: 1e6, ..survey() },
+    };
+    let made = own.step(&passage(&wild, &wild, 0.04), &Diffuse::default());
+    assert_eq!(own.most(), 1200);
+    assert!((1100..=1200).contains(&made.len()), "{}", made.len());
+}
+
+/// Spray flies on a parabola, exactly at any length of a step.
+#[test]
+fn spray_is_ballistic() {
+    let far = flow(&[Vec3::ZERO], RADIUS, |_, _| Vec3::ZERO);
+    let (x, v) = (Vec3::new(1.0, 50.0, 2.0), Vec3::new(3.0, 4.0, -1.0));
+    let mut state = single(DiffuseKind::Spray, x, v);
+    for _ in 0..10 {
+        state = generator(Choices::default()).step(&passage(&far, &far, 0.04), &state);
+    }
+    let t = 0.4;
+    let expected = x + t * v - 0.5 * GRAVITY * t * t * Vec3::Y;
+    assert!(state.positions[0].distance(expected) < 1e-4, "{:?}", state.positions[0] - expected);
+    assert_eq!(state.kinds, [DiffuseKind::Spray]);
+}
+
+/// A bubble in still water reaches 0.71 √(g d) (Davies and Taylor 1950), and foam drifts with its surface.
+#[test]
+fn bubbles_rise_and_foam_drifts() {
+    let places = lattice([12, 20, 12], Vec3::ZERO, RADIUS);
+    let still = flow(&places, RADIUS, |_, _| Vec3::ZERO);
+    let at = Vec3::new(0.3, 0.25, 0.3);
+    let mut state = single(DiffuseKind::Bubble, at, Vec3::ZERO);
+    for _ in 0..8 {
+        state = generator(Choices::default()).step(&passage(&still, &still, 0.04), &state);
+    }
+    let limit = 0.71 * (GRAVITY * 0.4 * RADIUS).sqrt();
+    let velocity = state.velocities.as_ref().unwrap()[0];
+    assert!((velocity.y / limit - 1.0).abs() < 1e-3, "{velocity} {limit}");
+    assert_eq!(state.kinds, [DiffuseKind::Bubble]);
+    // Near enough to the top it is foam, which no longer rises.
+    for _ in 0..200 {
+        state = generator(Choices::default()).step(&passage(&still, &still, 0.04), &state);
+    }
+    assert_eq!(state.kinds, [DiffuseKind::Foam]);
+    let top = 38.0 * RADIUS;
+    assert!((state.positions[0].y - top).abs() < 2.5 * RADIUS, "{}", state.positions[0].y - top);
+    let drift = Vec3::new(0.5, 0.0, 0.25);
+    let moving = |seconds: f32| {
+        let moved: Vec<Vec3> = places.iter().map(|&x| x + seconds * drift).collect();
+        flow(&moved, RADIUS, |_, _| drift)
+    };
+    let before = state.clone();
+    let after =
+        generator(Choices::default()).step(&passage(&moving(0.0), &moving(0.04), 0.04), &state);
+    assert!((after.positions[0] - before.positions[0]).distance(0.04 * drift) < 1e-5);
+    // Foam alone loses a second of life in a second.
+    let left = |of: &Diffuse| of.lifetimes.as_ref().unwrap()[0];
+    assert!((left(&before) - left(&after) - 0.04).abs() < 1e-3);
+}
+
+/// Spray lands on a solid and disappears there; below the sequence none is left.
+#[test]
+fn solids_and_the_ground_keep_particles_out() {
+    let far = flow(&[100.0 * Vec3::ONE], RADIUS, |_, _| Vec3::ZERO);
+    let plane = Shape::Plane { origin: DVec3::ZERO, normal: Vec3::Y, half_extent: f32::INFINITY };
+    let solids = [Solid { shape: plane, surface: Surface::Color(Vec3::ONE), lit: false }];
+    let mut state = single(DiffuseKind::Spray, Vec3::new(0.0, 0.5, 0.0), Vec3::new(1.0, -3.0, 0.0));
+    let own = generator(Choices::default());
+    for _ in 0..20 {
+        let passage = Passage { solids: &solids, ..passage(&far, &far, 0.04) };
+        state = own.step(&passage, &state);
+        assert!(state.positions[0].y >= 0.0, "{}", state.positions[0]);
+    }
+    assert!(state.velocities.as_ref().unwrap()[0].y.abs() < 0.5);
+    let bounded = Survey { bounds: [DVec3::splat(-1.0), DVec3::splat(1.0)], ..survey() };
+    let own = Whitewater { choices: Choices::default(), survey: bounded };
+    let mut state = single(DiffuseKind::Spray, Vec3::new(0.9, 0.0, 0.0), Vec3::new(9.0, 0.0, 0.0));
+    state = own.step(&passage(&far, &far, 0.04), &state);
+    assert_eq!(state.positions[0].x, 1.0);
+    assert_eq!(state.velocities.as_ref().unwrap()[0].x, 0.0);
+    for _ in 0..20 {
+        state = own.step(&passage(&far, &far, 0.04), &state);
+    }
+    assert!(state.is_empty());
+}
+
+/// Dust rises from the ground below a river if it is asked for, and stays dust.
+#[test]
+fn rivers_raise_dust() {
+    let places = lattice([20, 8, 12], Vec3::ZERO, RADIUS);
+    let river = flow(&places, RADIUS, |_, _| 3.0 * Vec3::X);
+    let made = |dust: bool| {
+        let own = generator(Choices { dust, ..Choices::default() });
+        let first = own.step(&passage(&river, &river, 0.04), &Diffuse::default());
+        own.step(&passage(&river, &river, 0.04), &first)
+    };
+    assert_eq!(made(false).counts()[3], 0);
+    let mut dust = made(true);
+    let kinds = dust.kinds.clone();
+    dust.retain(|i| kinds[i] == DiffuseKind::Dust);
+    assert!(dust.len() > 20, "{}", dust.len());
+    assert!(dust.positions.iter().all(|x| x.y < 6.0 * RADIUS));
+}
+
+/// What files do not tell.
+#[test]
+fn velocities_times_and_gravity_are_estimated() {
+    let a = Particles {
+        ids: Some((0..20).collect()),
+        ..Particles::from_positions(lattice([20, 1, 1], Vec3::ZERO, 0.5))
+    };
+    let speed = |i: i64| Vec3::new(1.0, 0.1 * i as f32, 0.0);
+    let order: Vec<i64> = (0..20).rev().chain([99]).collect();
+    let moved = |&id: &i64| match id {
+        99 => Vec3::splat(-7.0),
+        id => a.positions[id as usize] + 0.1 * speed(id),
+    };
+    let mut b = Particles::from_positions(order.iter().map(moved).collect());
+    b.ids = Some(order.clone());
+    let found = velocities(&a, &b, 0.1).unwrap();
+    for (id, v) in order.iter().zip(&found).take(20) {
+        assert!(v.distance(speed(*id)) < 1e-4, "{id} {v}");
+    }
+    assert_eq!(found[20], Vec3::ZERO);
+    // Without ids and with other numbers nothing is known.
+    assert_eq!(velocities(&Particles { ids: None, ..a.clone() }, &b, 0.1), None);
+    let with = |of: &Particles, v: Vec<Vec3>| Particles { velocities: Some(v), ..of.clone() };
+    let (from, to) = (with(&a, (0..20).map(speed).collect()), with(&b, found));
+    assert!((duration(&from, &to).unwrap() - 0.1).abs() < 1e-4);
+    assert_eq!(duration(&a, &b), None);
+    let (slow, mut fast) = (vec![3.0 * Vec3::X; 20], vec![Vec3::new(3.0, -981.0, 0.0); 21]);
+    // These slow down, and rest.
+    fast[0].x = -90.0;
+    fast[1] = slow[1];
+    assert_eq!(falls((&a, &slow), (&b, &fast), 0.1), vec![9810.0; 18]);
+}
+
+/// Files in millimetres show another gravity than the earth's, if enough particles agree on it.
+#[test]
+fn gravity_is_that_of_what_falls() {
+    let of = |falls: &[f32]| {
+        let places = lattice([4; 3], Vec3::ZERO, RADIUS);
+        let still = flow(&places, RADIUS, |_, _| Vec3::ZERO);
+        let mut surveyor = Surveyor::new(RADIUS);
+        surveyor.add(&still, (DVec3::ZERO, DVec3::ONE), &Surveyor::potentials(&still), falls);
+        surveyor.finish().gravity
+    };
+    let scattered: Vec<f32> = (1..200).map(|i| 100.0 * i as f32).collect();
+    assert_eq!(of(&[]), 9.81);
+    assert_eq!(of(&[9810.0; 40]), 9.81);
+    assert_eq!(of(&scattered), 9.81);
+    assert_eq!(of(&[vec![9810.0; 150], scattered].concat()), 9810.0);
+    assert_eq!(of(&[12.0; 150]), 9.81);
+}
