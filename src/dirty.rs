@@ -3,7 +3,10 @@
 //! A moving camera does not affect the caustic maps, the number of rays per pixel does not affect the
 //! layers, and the exposure does not affect the radiance.
 
+use std::sync::Arc;
+
 use crate::camera::View;
+use crate::diffuse::Diffuse;
 use crate::frame::FrameInput;
 use crate::liquid::Colors;
 use crate::liquid::classify::{Splat, Splats};
@@ -17,6 +20,7 @@ pub(crate) struct LastFrame {
     scene: Scene,
     view: View,
     splats: Splats,
+    diffuse: Option<Arc<Diffuse>>,
     config: ViewConfig,
     diagnosed: bool,
     /// Whether its radiance was not [taken](crate::renderer::Renderer::take_radiance).
@@ -78,6 +82,7 @@ impl Dirty {
             || old.refract != new.refract
             || last.scene.environment != scene.environment
             || last.scene.background != scene.background
+            || last.diffuse.as_ref() != input.diffuse
             || last.diagnosed != diagnose
             || !last.has_radiance;
         Self { splats, lights, surfaces, radiance }
@@ -107,8 +112,15 @@ impl LastFrame {
             kept.colors = colors.cloned();
             kept.opaque.clone_from(&splats.opaque);
         }
-        let scene = scene.clone();
-        Self { scene, view, splats: kept, config, diagnosed: diagnose, has_radiance: true }
+        Self {
+            scene: scene.clone(),
+            view,
+            splats: kept,
+            diffuse: input.diffuse.cloned(),
+            config,
+            diagnosed: diagnose,
+            has_radiance: true,
+        }
     }
 
     /// Its radiance is drawn anew for the next frame, even if that is the same.

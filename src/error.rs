@@ -94,6 +94,8 @@ pub enum Limited {
     Meshes,
     /// The particles' velocities, for motion vectors.
     Velocities,
+    /// Foam, spray, bubbles and dust.
+    Diffuse,
 }
 
 impl fmt::Display for Limited {
@@ -105,6 +107,7 @@ impl fmt::Display for Limited {
             Self::CausticGrid => "choose a smaller caustics.grid",
             Self::Classify => "classify on the CPU",
             Self::Velocities => "draw without motion vectors",
+            Self::Diffuse => "choose a smaller picture, or draw without foam",
             Self::Meshes => "choose meshes of fewer triangles, or smaller textures",
         })
     }

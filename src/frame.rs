@@ -1,8 +1,11 @@
 //! The inputs of a frame, and its target.
 
+use std::sync::Arc;
+
 use glam::UVec2;
 
 use crate::camera::View;
+use crate::diffuse::Diffuse;
 use crate::host::Host;
 use crate::liquid::Colors;
 use crate::liquid::classify::Splats;
@@ -33,6 +36,8 @@ pub struct FrameInput<'a> {
     /// The colours of an opaque body's particles: those of the [splats](Splats::colors), or the same ones
     /// [by another map](Colors::over).
     pub colors: Option<&'a Colors>,
+    /// Foam, spray, bubbles and dust.
+    pub diffuse: Option<&'a Arc<Diffuse>>,
     /// Pixels of the picture.
     pub size: UVec2,
     /// The picture of the program that uses limpid: liquid appears in it, and rays see it. Rays find
@@ -60,6 +65,7 @@ impl<'a> FrameInput<'a> {
             view: view.into(),
             splats,
             colors: splats.colors.as_ref(),
+            diffuse: None,
             size,
             host: None,
             surface: None,

@@ -13,6 +13,7 @@ pub mod bins;
 pub mod bounds;
 pub mod caustics;
 pub mod color;
+pub mod diffuse;
 pub mod gaps;
 pub mod gbuffer;
 pub mod host;

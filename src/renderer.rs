@@ -19,6 +19,7 @@ use crate::memory;
 use crate::opaque_fluids::OpaqueFluids;
 use crate::passes::caustics::CausticMap;
 use crate::passes::color::{Color, ColorImages};
+use crate::passes::diffuse::{self, DiffuseImages, DiffusePass};
 use crate::passes::host::HostPass;
 use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::Mips;
@@ -54,6 +55,8 @@ pub struct Renderer {
     shaded: Option<ShadeImages>,
     /// Of turbid liquids.
     clouded: Option<TurbidImages>,
+    /// Of foam, spray, bubbles and dust.
+    diffuse: Option<DiffuseImages>,
     /// Of opaque fluids among others.
     opaque: Option<OpaqueFluids>,
     /// Of opaque bodies whose particles have colours.
@@ -123,6 +126,7 @@ impl Renderer {
             picture: RefractImages::new(gpu, UVec2::ONE, false),
             shaded: None,
             clouded: None,
+            diffuse: None,
             opaque: None,
             colored: None,
             surface: SurfaceBuffers::new(gpu),
@@ -393,6 +397,12 @@ impl Renderer {
             frame.surface = Some(surface);
         }
         self.prepare_opaque(&mut frame)?;
+        if frame.dirty.radiance {
+            let kept = self.diffuse.take();
+            let spheres = input.diffuse.filter(|diffuse| !diffuse.is_empty());
+            let images = |spheres| DiffuseImages::new(&self.gpu, spheres, input.size, kept);
+            self.diffuse = spheres.map(images).transpose()?;
+        }
         // Drivers may crash where they compile without memory.
         self.gpu.check()?;
         Ok(frame)
@@ -405,6 +415,7 @@ impl Renderer {
         }
         self.prepare_body(frame);
         self.prepare_turbid(frame);
+        self.prepare_diffuse(frame);
         let eye = &self.camera_view;
         let behind = match frame.input.host {
             Some(host) => Some(&host.color),
@@ -414,8 +425,9 @@ impl Renderer {
         let params = &frame.refract_params();
         let alone = frame.shade.as_ref().and(self.shaded.as_ref()).map(|shaded| &shaded.radiance);
         let body = alone.or(self.opaque.as_ref().map(OpaqueFluids::radiance));
-        let (turbid, work) = (self.clouded.as_ref(), frame.work);
-        let inputs = refract::Inputs { eye, params, structure, behind, body, turbid, work };
+        let (turbid, diffuse, work) = (self.clouded.as_ref(), self.diffuse.as_ref(), frame.work);
+        let inputs =
+            refract::Inputs { eye, params, structure, behind, body, turbid, diffuse, work };
         frame.refract = Some(Refract::prepare(&self.gpu, frame.variant, inputs, &mut self.picture));
         self.compiled = Some((frame.variant, eye.scene.variant));
     }
@@ -471,15 +483,27 @@ impl Renderer {
         frame.turbid = Some(Turbid::prepare(gpu, &self.camera_view, scene, splats.radius, images));
     }
 
+    /// Prepares foam, spray, bubbles and dust.
+    fn prepare_diffuse(&mut self, frame: &mut PreparedFrame<'_>) {
+        let FrameInput { scene, splats, view, .. } = frame.input;
+        let Some((diffuse, images)) = frame.input.diffuse.zip(self.diffuse.as_ref()) else {
+            return;
+        };
+        let params = diffuse::Params::new(scene, diffuse, view.eye, splats.radius);
+        let (eye, work) = (&self.camera_view, refract::solid_work(scene));
+        let pass = DiffusePass::prepare(&self.gpu, eye, scene, params, images, work);
+        frame.diffuse = Some(pass);
+    }
+
     /// A timer for all passes of a frame.
     fn timer(&self, frame: &PreparedFrame<'_>) -> Timer {
-        // Those of the views; then host, mips, color, shade, turbid, refract, surface and tonemap, and the caustics of each light.
+        // Those of the views; then host, mips, color, shade, turbid, diffuse, refract, surface and tonemap, and the caustics of each light.
         let (opaque, views) = self
             .opaque
             .as_ref()
             .map_or((0, 0), |opaque| (OpaqueFluids::PASSES, opaque.light_views()));
         let of_lights = (PassNames::COUNT + 1) * (self.lights.views().len() + views);
-        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 8 + opaque + of_lights)
+        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 9 + opaque + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
@@ -524,6 +548,9 @@ impl Renderer {
         }
         if let Some(turbid) = &frame.turbid {
             turbid.record(commands, eye, timer.span("turbid"));
+        }
+        if let Some(diffuse) = &frame.diffuse {
+            diffuse.record(commands, eye, timer.span("diffuse"));
         }
         if let Some(refract) = &frame.refract {
             refract.record(commands, eye, timer.span("refract"));

@@ -17,6 +17,7 @@ struct Params {
     anisotropy: f32,       // mean cosine of scattering
     mean_transmittance: f32, // of the surface, for light from everywhere outside
     radius: f32,           // of particles, m
+    diffuse_white: f32,    // of refract/diffuse.wgsl
 }
 
 @group(1) @binding(0) var<uniform> params: Params;
@@ -40,3 +41,6 @@ struct Params {
 @group(1) @binding(13) var scattering_mixture: texture_2d<f32>;
 @group(1) @binding(14) var turbid_light: texture_2d<u32>;
 @group(1) @binding(15) var slab_table: texture_2d<f32>;
+// Of foam, spray, bubbles and dust, by pixel: diffuse/pixels.wgsl.
+@group(1) @binding(16) var<storage, read> diffuse_above: array<vec4u>;  // in the air
+@group(1) @binding(17) var<storage, read> diffuse_inside: array<vec4u>; // in the liquid

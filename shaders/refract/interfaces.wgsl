@@ -17,6 +17,7 @@
 #import common/optics.wgsl
 #import common/screen_ray.wgsl
 #import refract/bindings.wgsl
+#import refract/diffuse.wgsl
 #import refract/looks.wgsl
 #import refract/slabs.wgsl
 #import refract/turbid.wgsl
@@ -303,6 +304,8 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
     var interval = Passage(vec3f(1.0), vec3f(0.0), vec3f(0.0));
     var cosine = 1.0;
     var entry_normal = -d;
+    // Whether the ray has not left the first liquid that it meets.
+    var is_first = true;
     if TURBID && inside {
         light = light_around(texel);
     }
@@ -351,6 +354,12 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 end_scale = select(scale, 1.0, wet);
                 solid.t = select(solid.t, NOTHING, ends && !wet);
                 screen = false;
+                if DIFFUSE && is_first {
+                    let spheres = diffuse_of(diffuse_inside[diffuse_index(texel)]);
+                    result += weight * spheres.rgb;
+                    weight *= 1.0 - spheres.w;
+                }
+                is_first = false;
                 if wet || hit.found {
                     diagnosed.inside += select(to_hit, solid.t, wet);
                     if TURBID {

@@ -10,6 +10,7 @@
 #import common/scene.wgsl
 #import common/tiles.wgsl
 #import refract/bindings.wgsl
+#import refract/diffuse.wgsl
 #import refract/lists.wgsl
 #import refract/looks.wgsl
 
@@ -58,11 +59,11 @@ fn draw_background(p: vec2i) {
     }
     if HOST {
         let drawn = vec4f(textureLoad(host_color, p, 0).rgb, 1.0);
-        textureStore(radiance, p, select(drawn, vec4f(0.0), TRANSPARENT));
+        textureStore(radiance, p, behind_spheres(p, select(drawn, vec4f(0.0), TRANSPARENT)));
         return;
     }
     if EDGE_SAMPLES <= SAMPLES {
-        textureStore(radiance, p, background_mean(p, SAMPLES));
+        textureStore(radiance, p, behind_spheres(p, background_mean(p, SAMPLES)));
         return;
     }
     var low = vec4f(NOTHING);
@@ -84,7 +85,7 @@ fn draw_background(p: vec2i) {
             return;
         }
     }
-    textureStore(radiance, p, sum / f32(EDGE_SAMPLES));
+    textureStore(radiance, p, behind_spheres(p, sum / f32(EDGE_SAMPLES)));
 }
 
 // Draws a pixel in the colour of its centre if its probes see one solid and hardly differ: by `Background.compared`.
@@ -92,7 +93,7 @@ fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
     let even = all(high.rgb - low.rgb <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high.rgb);
     let flat = even && high.w == low.w;
     if flat {
-        textureStore(radiance, p, centre);
+        textureStore(radiance, p, behind_spheres(p, centre));
     }
     return flat;
 }
@@ -102,7 +103,7 @@ fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
 fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
     for (var i = id.x; i < listed_count(); i += listed_threads()) {
         let p = listed_pixel(i);
-        textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
+        textureStore(radiance, p, behind_spheres(p, background_mean(p, EDGE_SAMPLES)));
     }
 }
 
@@ -148,7 +149,7 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     var sum = vec4f(0.0);
     diagnosed = Diagnostics();
     for (var i = 0u; i < SAMPLES; i++) {
-        sum += trace(vec2f(p) + sample_offset(i, SAMPLES), p);
+        sum += behind_spheres(p, trace(vec2f(p) + sample_offset(i, SAMPLES), p));
         if HOST && i == 0u {
             atomicAdd(&listed.looks, u32(diagnosed.looks));
             atomicAdd(&listed.fallbacks, u32(diagnosed.fallbacks));
@@ -168,7 +169,7 @@ fn structured_pixels(@builtin(global_invocation_id) id: vec3u) {
         var sum = textureLoad(first_radiance, p, 0);
         diagnosed = Diagnostics();
         for (var i = 1u; i < SAMPLES; i++) {
-            sum += trace(vec2f(p) + further_offset(i, SAMPLES), p);
+            sum += behind_spheres(p, trace(vec2f(p) + further_offset(i, SAMPLES), p));
         }
         store_liquid(p, sum, SAMPLES - 1u);
     }
@@ -229,7 +230,7 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         high = max(high, corner);
     }
     if !is_flat(p, centre.seen, low, high) && !is_deferred(p) {
-        textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
+        textureStore(radiance, p, behind_spheres(p, background_mean(p, EDGE_SAMPLES)));
     }
 }
 

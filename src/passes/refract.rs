@@ -10,6 +10,7 @@ use glam::UVec2;
 use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
+use super::diffuse::DiffuseImages;
 use super::mixture::{self, Shares};
 use super::tiles::TileLists;
 use super::turbid::{self, TurbidImages};
@@ -53,12 +54,14 @@ pub struct Params {
     pub mean_transmittance: f32,
     /// Radius of particles, m.
     pub radius: f32,
+    /// Radiance of which the sums of diffuse particles count shares.
+    pub diffuse_white: f32,
     /// Padding.
-    pub pad: [u32; 2],
+    pub pad: u32,
 }
 
 /// Group 1 of the passes over pixels: the names of `refract/bindings.wgsl`, in its order.
-pub const BINDINGS: [&str; 16] = [
+pub const BINDINGS: [&str; 18] = [
     "params",
     "aggregate_layers",
     "splash_layers",
@@ -75,6 +78,8 @@ pub const BINDINGS: [&str; 16] = [
     "scattering_mixture",
     "turbid_light",
     "slab_table",
+    "diffuse_above",
+    "diffuse_inside",
 ];
 
 /// Bytes before a list of pixels: the number of them, of rays and of fallbacks.
@@ -116,6 +121,8 @@ pub struct Inputs<'a> {
     pub body: Option<&'a wgpu::Texture>,
     /// Light of a turbid liquid.
     pub turbid: Option<&'a TurbidImages>,
+    /// Foam, spray, bubbles and dust.
+    pub diffuse: Option<&'a DiffuseImages>,
     /// [`work`] per pixel.
     pub work: u64,
 }
@@ -191,7 +198,7 @@ impl Refract {
         inputs: Inputs<'_>,
         images: &mut RefractImages,
     ) -> Self {
-        let Inputs { eye, params, structure, behind, body, turbid, work } = inputs;
+        let Inputs { eye, params, structure, behind, body, turbid, diffuse, work } = inputs;
         let tiles = &eye.images.tiles;
         if variant.adaptive && images.first_radiance.size() != images.radiance.texture.size() {
             let size = extent(&images.radiance.texture);
@@ -208,15 +215,24 @@ impl Refract {
         let light = turbid.map_or_else(|| turbid::no_light(gpu), |turbid| view(&turbid.light));
         let table = turbid.map_or_else(|| planes.clone(), |turbid| view(&turbid.table));
         let turbid = [&light, &table];
+        let (params, planes) = (&params, &planes);
+        let diffuse = diffuse.map_or_else(
+            || {
+                [(); 2].map(|()| {
+                    gpu.buffer_with("no spheres", wgpu::BufferUsages::STORAGE, &[0u32; 4])
+                })
+            },
+            DiffuseImages::sums,
+        );
         let pixels =
-            Pixels { gpu, variant, eye, params: &params, planes: &planes, behind, body, turbid };
+            Pixels { gpu, variant, eye, params, planes, behind, body, turbid, diffuse: &diffuse };
         let bind = |target: &_, seen: &_, list: &_, section| {
             pixels.bind([target, seen, &diagnostics], list, section)
         };
         let first = if variant.adaptive { &first_radiance } else { &radiance };
         let of_section = |section| Section {
-            liquid: bind(first, &planes, &tiles.liquid, section),
-            background: bind(first, &planes, &tiles.background, section),
+            liquid: bind(first, planes, &tiles.liquid, section),
+            background: bind(first, planes, &tiles.background, section),
         };
         let sections: Vec<_> = tiles.sections().map(of_section).collect();
 
@@ -331,6 +347,8 @@ struct Pixels<'a> {
     body: Option<&'a wgpu::TextureView>,
     /// Light around a turbid liquid, and the light of slabs.
     turbid: [&'a wgpu::TextureView; 2],
+    /// Sums of diffuse particles in the air and in the liquid.
+    diffuse: &'a [wgpu::Buffer; 2],
 }
 
 impl Pixels<'_> {
@@ -341,7 +359,8 @@ impl Pixels<'_> {
         list: &wgpu::Buffer,
         section: u32,
     ) -> Bound {
-        let Self { gpu, variant, eye, params, planes, behind, body, turbid: [light, table] } = self;
+        let Self { gpu, variant, eye, params, planes, behind, body, turbid, diffuse } = self;
+        let ([light, table], [above, inside]) = (turbid, diffuse);
         let gbuffer_surfaces = eye.images.gbuffer.surfaces.create_view(&Default::default());
         let mips = variant.mips();
         let view = |layers: &Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
@@ -366,6 +385,8 @@ impl Pixels<'_> {
             (read, TextureView(&eye.images.scattering.view)),
             (gpu::sampled_integers(), TextureView(light)),
             (read, TextureView(table)),
+            (gpu::storage_of(16), above.as_entire_binding()),
+            (gpu::storage_of(16), inside.as_entire_binding()),
         ];
         gpu.bind("refract", &bindings)
     }
@@ -499,7 +520,8 @@ impl Params {
             anisotropy: mixture::anisotropy(scene),
             mean_transmittance: turbid::slab::mean_transmittance(scene.liquid.ior.into()) as f32,
             radius,
-            pad: [0; 2],
+            diffuse_white: 1.0,
+            pad: 0,
         }
     }
 

@@ -8,6 +8,7 @@ use crate::lights::PreparedLight;
 use crate::liquid::blocks::Blocks;
 use crate::opaque_fluids::{self, PreparedOpaque};
 use crate::passes::color::Color;
+use crate::passes::diffuse::{self, DiffusePass};
 use crate::passes::gaps;
 use crate::passes::host::HostPass;
 use crate::passes::mesh_buffers::MeshBuffers;
@@ -56,6 +57,8 @@ pub struct PreparedFrame<'a> {
     pub(super) shade: Option<Shade>,
     /// Light around a turbid liquid, if it is drawn.
     pub(super) turbid: Option<Turbid>,
+    /// Foam, spray, bubbles and dust, if they are drawn.
+    pub(super) diffuse: Option<DiffusePass>,
     /// The picture, if it is drawn.
     pub(super) refract: Option<Refract>,
     /// Images of the first interface, if they are drawn.
@@ -86,6 +89,8 @@ impl<'a> PreparedFrame<'a> {
         let has_opaque = splats.opaque.is_some();
         let variant = Variant::new(scene, splash, gaps, host.is_some(), diagnose);
         let variant = if has_opaque { variant.with_opaque_fluids() } else { variant };
+        let has_spheres = input.diffuse.is_some_and(|diffuse| !diffuse.is_empty());
+        let variant = Variant { diffuse: has_spheres, ..variant };
         let starts_inside = view_range::may_start_inside(splats, blocks, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
@@ -134,6 +139,7 @@ impl<'a> PreparedFrame<'a> {
             color: None,
             shade: None,
             turbid: None,
+            diffuse: None,
             refract: None,
             surface: None,
             last,
@@ -163,6 +169,7 @@ impl<'a> PreparedFrame<'a> {
     pub(super) fn refract_params(&self) -> refract::Params {
         let FrameInput { scene, splats, view, .. } = self.input;
         let mut params = refract::Params::new(scene, &scene.settings.refract, splats.radius);
+        params.diffuse_white = diffuse::white(scene);
         let lit = scene.solids.iter().any(|solid| solid.lit);
         if self.starts_inside && !view.is_orthographic() && self.variant.absorption && lit {
             params.eye_depth = view_range::depth_below_surface(splats, self.uniform.origin);

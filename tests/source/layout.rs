@@ -10,8 +10,8 @@ use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
-    Layers, bins, caustics, color, gaps, host, opaque, refract, scene_binding, shade, smooth,
-    surface, tiles, tonemap, turbid,
+    Layers, bins, caustics, color, diffuse, gaps, host, opaque, refract, scene_binding, shade,
+    smooth, surface, tiles, tonemap, turbid,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -199,6 +199,7 @@ fn passes() -> Vec<Shared> {
         anisotropy,
         mean_transmittance,
         radius,
+        diffuse_white,
         pad,
     });
     let structure = rust_struct!(refract::StructureParams { structure });
@@ -238,6 +239,17 @@ fn passes() -> Vec<Shared> {
         radius,
         film_reflectance
     });
+    let diffuse = rust_struct!(diffuse::Params {
+        origin,
+        radius,
+        albedos,
+        absorption,
+        ior,
+        count,
+        clear,
+        mean_transmittance,
+        white,
+    });
     let turbid = rust_struct!(turbid::Params { absorption, radius, scattering, ior });
     let sections = rust_struct!(tiles::Sections { tiles, words, count });
     vec![
@@ -255,6 +267,7 @@ fn passes() -> Vec<Shared> {
         (coloring, "color/means.wgsl", "Coloring"),
         (shade, "shade/around.wgsl", "Params"),
         (turbid, "turbid/around.wgsl", "Params"),
+        (diffuse, "diffuse/around.wgsl", "Params"),
     ]
 }
 

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
+use limpid::diffuse::Diffuse;
 use limpid::environment::Environment;
 use limpid::frame::{FrameInput, Target};
 use limpid::gpu::Gpu;
@@ -234,6 +235,28 @@ fn turbid_liquids_are_valid() {
             let input = FrameInput::new(&scene, &camera(), &splats, UVec2::new(33, 17));
             device.render(&mut renderer, FrameInput { diagnose: splashes > 0, ..input });
             assert_eq!(device.errors(), [""; 0], "{count} fluids, {splashes} splashes");
+        }
+    }
+}
+
+/// Foam, spray, bubbles and dust are valid: beside every kind of liquid, lit and unlit.
+#[test]
+fn diffuse_particles_are_valid() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    let foam = Arc::new(Diffuse::from_positions(vec![Vec3::ZERO, Vec3::X], 0.1));
+    let scattering = Medium { absorption: Vec3::X, scattering: Vec3::X, anisotropy: 0.5 };
+    let turbid = Liquid::default().with(scattering);
+    let opaque = Liquid { kind: Kind::Opaque, ..Liquid::default() };
+    for (name, liquid) in [("clear", Liquid::default()), ("turbid", turbid), ("opaque", opaque)] {
+        for (splashes, lights, solids) in [(0, vec![], vec![]), (3, lights(), solids())] {
+            let mut scene = Scene { liquid: liquid.clone(), solids, lights, ..scene() };
+            scene.settings.refract.samples = 1 + splashes as u32;
+            let splats = splats(5, splashes);
+            let input = FrameInput::new(&scene, &camera(), &splats, UVec2::new(33, 17));
+            let input = FrameInput { diffuse: Some(&foam), diagnose: splashes > 0, ..input };
+            device.render(&mut renderer, input);
+            assert_eq!(device.errors(), [""; 0], "{name}, {splashes} splashes");
         }
     }
 }

@@ -55,6 +55,8 @@ pub struct Variant {
     pub gaps: u32,
     /// No light enters the liquid: its first interface is all that is drawn.
     pub opaque: bool,
+    /// The frame has foam, spray, bubbles or dust.
+    pub diffuse: bool,
     /// Write the diagnostics.
     pub count: bool,
 }
@@ -94,6 +96,7 @@ impl Variant {
             transparent: settings.transparent,
             gaps,
             opaque: scene.is_opaque(),
+            diffuse: false,
             count,
         }
     }
@@ -168,7 +171,7 @@ impl Variant {
     }
 
     /// Switches of `refract/looks.wgsl` and `refract/pixels.wgsl`.
-    fn switches(self) -> [(&'static str, f64); 7] {
+    fn switches(self) -> [(&'static str, f64); 8] {
         [
             ("SPLASH", self.splash),
             ("SCREEN_SOLIDS", self.solids == Solids::Screen),
@@ -176,6 +179,7 @@ impl Variant {
             ("OPAQUE_FLUIDS", self.opaque_fluids),
             ("BACKGROUND", self.background),
             ("TRANSPARENT", self.transparent),
+            ("DIFFUSE", self.diffuse),
             ("COUNT", self.count),
         ]
         .map(switch)

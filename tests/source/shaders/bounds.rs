@@ -4,7 +4,7 @@ use super::library::KnownLoop;
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-pub(super) const LOOPS: [KnownLoop; 196] = [
+pub(super) const LOOPS: [KnownLoop; 207] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -127,6 +127,17 @@ pub(super) const LOOPS: [KnownLoop; 196] = [
     ("refract/turbid_lights.wgsl", "depth_in_light", "for (var i = 0; i < select(0, AROUND, point.inside); i++)", "a constant"),
     ("refract/turbid_lights.wgsl", "lights_scattered", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
     ("refract/turbid_lights.wgsl", "light_scattered", "for (var k = 0u; k < LIT_PLACES; k++)", "a constant"),
+    ("diffuse/place.wgsl", "seen_through", "for (var i = 0u; i < STEPS; i++)", "a constant"),
+    ("diffuse/around.wgsl", "look_around", "for (var stride = LOOKS / 2u; stride > 0u; stride /= 2u)", "a constant"),
+    ("diffuse/around.wgsl", "look_around", "for (var i = 0u; i < 4u; i++)", "a constant"),
+    ("diffuse/sums.wgsl", "irradiance_at", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("diffuse/sums.wgsl", "sphere_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
+    ("diffuse/sums.wgsl", "add_small", "for (var j = 0; j < ACROSS; j++)", "a constant"),
+    ("diffuse/sums.wgsl", "add_small", "for (var i = 0; i < ACROSS; i++)", "a constant"),
+    ("diffuse/sums.wgsl", "cover", "for (var k = group.x; k < large.count; k += groups.x)", "the large spheres"),
+    ("diffuse/sums.wgsl", "cover", "for (var i = local; i < across * across; i += 64u)", "the pixels of a square around the sphere"),
+    ("diffuse/sums.wgsl", "add_large", "for (var k = group.x; k < large.count; k += groups.x)", "the large spheres"),
+    ("diffuse/sums.wgsl", "add_large", "for (var i = local; i < across * across; i += 64u)", "the pixels of a square around the sphere"),
     ("turbid/slab.wgsl", "slab_scattered", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("turbid/slab.wgsl", "slab_light", "for (var c = 0; c < 3; c++)", "a constant"),
     ("turbid/around.wgsl", "look_around", "for (var i = 0u; i < DIRECTIONS; i++)", "a constant"),

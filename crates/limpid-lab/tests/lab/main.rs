@@ -7,6 +7,7 @@ mod classify_device;
 mod compare;
 mod conic;
 mod device_particles;
+mod diffuse;
 mod elisions;
 mod even_light;
 mod intervals;

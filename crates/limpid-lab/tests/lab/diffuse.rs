@@ -1,0 +1,234 @@
+//! Foam, spray and bubbles against closed forms: coverage, light, refraction.
+
+use std::f64::consts::PI;
+use std::path::Path;
+use std::sync::Arc;
+
+use limpid::aov::Part;
+use limpid::camera::Camera;
+use limpid::diffuse::{Diffuse, DiffuseKind};
+use limpid::environment::Environment;
+use limpid::frame::FrameInput;
+use limpid::glam::{DVec2, DVec3, UVec2, Vec3};
+use limpid::gpu::Gpu;
+use limpid::liquid::classify::Splats;
+use limpid::offscreen::Offscreen;
+use limpid::scene::{Scene, Shape, Solid, Surface};
+use limpid_io::input::Input;
+use limpid_io::project::Project;
+
+use crate::support::frames::gpu;
+
+const SIZE: UVec2 = UVec2::new(96, 80);
+const IOR: f64 = 1.33;
+
+/// Looks at 0.
+fn from(eye: DVec3) -> Camera {
+    Camera { eye, target: DVec3::ZERO, up: Vec3::Y, fov_y: 20.0, near: None, lens: None }
+}
+
+/// Looks from 4 m along -z.
+fn camera() -> Camera {
+    from(DVec3::new(0.0, 0.0, 4.0))
+}
+
+/// Side of a pixel at depth 1 m, m.
+fn pixel() -> f64 {
+    2.0 * f64::tan(10f64.to_radians()) / f64::from(SIZE.y)
+}
+
+/// The linear picture.
+struct Image(Part);
+
+impl Image {
+    fn channel(&self, name: &str) -> &[f32] {
+        let channel = self.0.channels.iter().find(|channel| channel.name == name);
+        &channel.expect("the picture has it").values
+    }
+
+    fn at(&self, name: &str, p: UVec2) -> f64 {
+        self.channel(name)[(p.y * SIZE.x + p.x) as usize].into()
+    }
+
+    fn sum(&self, name: &str) -> f64 {
+        self.channel(name).iter().copied().map(f64::from).sum()
+    }
+}
+
+fn pixels() -> impl Iterator<Item = UVec2> {
+    (0..SIZE.y).flat_map(|y| (0..SIZE.x).map(move |x| UVec2::new(x, y)))
+}
+
+fn draw(gpu: &Gpu, scene: &Scene, splats: &Splats, camera: &Camera, foam: Diffuse) -> Image {
+    let foam = Arc::new(foam);
+    let mut offscreen = Offscreen::new(gpu);
+    let input = FrameInput::new(scene, camera, splats, SIZE);
+    offscreen.draw(FrameInput { diffuse: Some(&foam), ..input }).expect("the frame is drawn");
+    Image(offscreen.radiance().expect("the picture is read"))
+}
+
+fn no_liquid() -> Splats {
+    Splats { radius: 0.05, ..Splats::default() }
+}
+
+/// Spheres alone, over nothing.
+fn alone() -> Scene {
+    let mut scene = Scene { environment: Environment::Constant(Vec3::ONE), ..Scene::default() };
+    scene.solids.clear();
+    scene.settings.refract.transparent = true;
+    scene
+}
+
+/// A sphere covers the area of its outline, wherever it is among the pixels: within 2 %.
+#[test]
+fn a_sphere_covers_its_area() {
+    let Some(gpu) = gpu() else { return };
+    for pixels in [0.2, 0.5, 0.9, 1.4, 1.6, 1.9, 2.1, 3.0, 5.0, 10.0, 20.0] {
+        for at in [DVec2::ZERO, DVec2::new(0.3, 0.1), DVec2::new(0.5, 0.8)] {
+            let radius = pixels * 4.0 * pixel();
+            let centre = (at * 4.0 * pixel()).extend(0.0);
+            let foam = Diffuse::from_positions(vec![centre.as_vec3()], radius as f32);
+            let image = draw(&gpu, &alone(), &no_liquid(), &camera(), foam);
+            let outline = radius / (16.0 - radius * radius).sqrt();
+            let area = PI * (outline / pixel()).powi(2);
+            let covered = image.sum("A");
+            assert!((covered / area - 1.0).abs() < 0.02, "{pixels} at {at}: {covered} of {area}");
+        }
+    }
+}
+
+/// A white sphere in even light is as bright as that: within 2 %, small and large.
+#[test]
+fn a_white_sphere_disappears_in_even_light() {
+    let Some(gpu) = gpu() else { return };
+    for pixels in [0.4, 1.0, 2.5, 12.0] {
+        let radius = pixels * 4.0 * pixel();
+        let foam = Diffuse::from_positions(vec![Vec3::ZERO], radius as f32);
+        let image = draw(
+            &gpu,
+            &alone(),
+            &no_liquid(),
+            &camera(),
+            Diffuse { colors: [Vec3::ONE; 4], ..foam },
+        );
+        let ratio = image.sum("G") / image.sum("A");
+        assert!((ratio - 1.0).abs() < 0.02, "{pixels} pixels: {ratio}");
+    }
+}
+
+/// Small spheres attenuate as Beer and Lambert say: those of a cloud, at random places, hide what independent discs do.
+#[test]
+fn a_cloud_attenuates_exponentially() {
+    let Some(gpu) = gpu() else { return };
+    let (count, half) = (60_000, 0.6);
+    // Of a sequence with even spacing (R2, M. Roberts 2018), in a box around 0.
+    let place = |i: usize| {
+        let step = DVec3::new(0.819_172_5, 0.671_043_6, 0.549_700_5);
+        ((step * i as f64).fract() * 2.0 - 1.0) * half
+    };
+    let places: Vec<DVec3> = (0..count).map(place).collect();
+    let radius = 0.3 * 4.0 * pixel();
+    let foam = Diffuse::from_positions(places.iter().map(|x| x.as_vec3()).collect(), radius as f32);
+    let image = draw(&gpu, &alone(), &no_liquid(), &camera(), foam);
+    // Pixels around the middle see the whole depth of the box.
+    let (mut covered, mut seen) = (0.0, 0.0);
+    for p in pixels().filter(|p| p.as_dvec2().distance(SIZE.as_dvec2() / 2.0) < 8.0) {
+        covered += image.at("A", p);
+        seen += 1.0;
+    }
+    let per_volume = count as f64 / (2.0 * half).powi(3);
+    let depth = per_volume * PI * radius * radius * 2.0 * half;
+    let transmitted = 1.0 - covered / seen;
+    let expected = (-depth).exp();
+    assert!((transmitted.ln() / expected.ln() - 1.0).abs() < 0.1, "{transmitted} of {expected}");
+}
+
+/// The order of the particles changes no bit.
+#[test]
+fn the_order_of_particles_does_not_matter() {
+    let Some(gpu) = gpu() else { return };
+    let place = |i: usize| {
+        let t = i as f32 * 0.37;
+        Vec3::new(0.5 * t.sin(), 0.4 * (1.7 * t).cos(), 0.3 * (2.3 * t).sin())
+    };
+    let positions: Vec<Vec3> = (0..500).map(place).collect();
+    let radii: Vec<f32> = (0..500).map(|i| 0.002 + 0.0001 * i as f32).collect();
+    let foam = Diffuse { radii, ..Diffuse::from_positions(positions, 0.01) };
+    let mut turned = foam.clone();
+    turned.positions.reverse();
+    turned.radii.reverse();
+    let [a, b] = [foam, turned].map(|foam| draw(&gpu, &alone(), &no_liquid(), &camera(), foam));
+    for channel in ["R", "G", "B", "A"] {
+        assert!(a.channel(channel) == b.channel(channel), "{channel}");
+    }
+}
+
+/// Nearer opaque spheres hide farther ones, and solids hide spheres behind them.
+#[test]
+fn nearer_things_hide_spheres() {
+    let Some(gpu) = gpu() else { return };
+    let places = vec![Vec3::new(0.0, 0.0, -0.5), Vec3::new(0.0, 0.0, 0.5)];
+    let mut foam = Diffuse::from_positions(places, 0.15);
+    foam.kinds = vec![DiffuseKind::Dust, DiffuseKind::Foam];
+    let image = draw(&gpu, &alone(), &no_liquid(), &camera(), foam.clone());
+    let middle = SIZE / 2;
+    assert!(image.at("R", middle) / image.at("B", middle) < 1.01, "the white one is in front");
+    let mut scene = alone();
+    let wall =
+        Shape::Plane { origin: DVec3::new(0.0, 0.0, 1.0), normal: Vec3::Z, half_extent: 9.0 };
+    let surface = Surface::Color(Vec3::ZERO);
+    scene.solids = vec![Solid { shape: wall, surface, lit: false }];
+    let image = draw(&gpu, &scene, &no_liquid(), &camera(), foam);
+    assert_eq!(image.sum("R"), 0.0);
+}
+
+/// Still liquid whose surface is at y = 0, deep 0.6 m.
+fn pool() -> (Scene, Splats) {
+    let text = "[recipe]\nkind = \"slab\"\nmin = [-1.2, -0.6, -1.2]\nmax = [1.2, 0.0, 1.2]\ncount = 30000\n\
+                [liquid]\nior = 1.33\n[environment]\nradiance = [0.0, 0.0, 0.0]\n\
+                [camera]\neye = [0.0, 0.0, 1.0]\ntarget = [0.0, 0.0, 0.0]\n";
+    let project = Project::parse(text, "diffuse", Path::new(".")).expect("a valid scene");
+    let input = Input::from_project(project, "diffuse").expect("a recipe");
+    let (input, project) = input.resolve().expect("a camera");
+    let loaded = input.load(&input.sequence.frames[0], &project.scene).expect("particles");
+    (Scene { solids: Vec::new(), ..project.scene }, loaded.splats)
+}
+
+/// A bubble below a level surface is seen where Snell's law says: within a pixel.
+#[test]
+fn bubbles_are_seen_refracted() {
+    let Some(gpu) = gpu() else { return };
+    let (mut scene, splats) = pool();
+    scene.environment = Environment::Constant(Vec3::splat(0.2));
+    let camera = from(DVec3::new(0.0, 2.0, 3.0));
+    let none = draw(&gpu, &scene, &splats, &camera, Diffuse::default());
+    for (depth, z) in [(0.1, 0.1), (0.3, 0.0), (0.45, -0.3)] {
+        let mut foam = Diffuse::from_positions(vec![Vec3::new(0.0, -depth, z)], 0.012);
+        foam.kinds = vec![DiffuseKind::Bubble];
+        foam.colors = [Vec3::splat(8.0); 4];
+        let image = draw(&gpu, &scene, &splats, &camera, foam);
+        let (mut weight, mut row) = (0.0, 0.0);
+        for p in pixels() {
+            let added = (image.at("G", p) - none.at("G", p)).max(0.0);
+            weight += added;
+            row += added * (f64::from(p.y) + 0.5);
+        }
+        // The point of the surface where the ray towards the bubble is refracted, by bisection.
+        let (depth, z) = (f64::from(depth), f64::from(z));
+        let (mut low, mut high) = (z, camera.eye.z);
+        for _ in 0..60 {
+            let at = 0.5 * (low + high);
+            let sine = |across: f64, down: f64| across / across.hypot(down);
+            let outside = sine(camera.eye.z - at, camera.eye.y);
+            let inside = sine(at - z, depth);
+            if IOR * inside > outside { high = at } else { low = at }
+        }
+        let towards = (DVec3::new(0.0, 0.0, low) - camera.eye).normalize();
+        let ahead = -camera.eye.normalize();
+        let up = DVec3::new(0.0, 3.0, -2.0).normalize();
+        let expected = f64::from(SIZE.y) / 2.0 - towards.dot(up) / towards.dot(ahead) / pixel();
+        assert!(weight > 0.0, "the bubble {depth} m below is seen");
+        let seen = row / weight;
+        assert!((seen - expected).abs() < 1.0, "{depth} m below: row {seen}, not {expected}");
+    }
+}

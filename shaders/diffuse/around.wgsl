@@ -1,0 +1,75 @@
+// Light around the spheres of each tile: its mean over all directions, and its change with the direction.
+//
+// The 64 threads of a tile look in as many even directions (E. Keinert et al., Spherical Fibonacci Mapping, 2015). Irradiance
+// over pi on a surface of normal n is `mean + (x, y, z) n`: the first four spherical harmonics (R. Ramamoorthi and P. Hanrahan,
+// An Efficient Representation for Irradiance Environment Maps, 2001, equations 5 and 8).
+
+#import diffuse/particles.wgsl
+#import shade/looks.wgsl
+
+struct Probe {
+    mean: vec3f,
+    x: vec3f,
+    y: vec3f,
+    z: vec3f,
+}
+
+@group(1) @binding(3) var<storage, read> nearest: array<u32>;
+@group(1) @binding(5) var<storage, read_write> probes: array<Probe>;
+
+const LOOKS: u32 = 64u;
+
+var<workgroup> sums: array<array<vec3f, 4>, LOOKS>;
+
+// Radiance of liquid that lies in the way: of what is behind it, and what it mirrors.
+fn beyond(o: vec3f, d: vec3f, width: f32) -> vec3f {
+    let solid = scene_trace(o, d);
+    var radiance = environment_over(d, Spread(vec3f(0.0), vec3f(0.0)));
+    if solid.t < NOTHING {
+        let x = o + solid.t * d;
+        radiance = solid_radiance(solid.index, solid.triangle, x, solid.normal, d, vec3f(1.0), width * solid.t);
+    }
+    let through = params.mean_transmittance / (params.ior * params.ior);
+    return through * radiance + (1.0 - params.mean_transmittance) * scene.ambient;
+}
+
+@compute @workgroup_size(64)
+fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    let tile = group_index(group);
+    let across = tiles_across(u32(camera.size.x));
+    let has_spheres = tile < arrayLength(&nearest) && nearest[min(tile, arrayLength(&nearest) - 1u)] != 0u;
+    var own = array<vec3f, 4>();
+    if has_spheres {
+        let texel = min(vec2i(vec2u(tile % across, tile / across) * TILE + TILE / 2u), vec2i(camera.size) - 1);
+        var body = body_at(texel);
+        let disparity = bitcast<f32>(nearest[tile]);
+        if plane_is_empty(body.front) || body.disparity < 0.5 * disparity {
+            body.position = camera_point(body.omega, disparity);
+            body.normal = vec3f(0.0);
+        }
+        let rise = 1.0 - (2.0 * f32(local) + 1.0) / f32(LOOKS);
+        let angle = 2.3999632 * f32(local);
+        let level = sqrt(1.0 - rise * rise);
+        let d = vec3f(level * cos(angle), rise, level * sin(angle));
+        let seen = look(body, camera_view_direction(d), 0.5, 0.5);
+        var radiance = seen.radiance;
+        if seen.is_blocked {
+            radiance = beyond(camera_world_point(body.position), d, 0.5);
+        }
+        own = array<vec3f, 4>(radiance, 2.0 * d.x * radiance, 2.0 * d.y * radiance, 2.0 * d.z * radiance);
+    }
+    sums[local] = own;
+    workgroupBarrier();
+    for (var stride = LOOKS / 2u; stride > 0u; stride /= 2u) {
+        if local < stride {
+            for (var i = 0u; i < 4u; i++) {
+                sums[local][i] += sums[local + stride][i];
+            }
+        }
+        workgroupBarrier();
+    }
+    if local == 0u && has_spheres {
+        let share = 1.0 / f32(LOOKS);
+        probes[tile] = Probe(share * sums[0][0], share * sums[0][1], share * sums[0][2], share * sums[0][3]);
+    }
+}
