@@ -250,7 +250,7 @@ fn diffuse_particles_are_valid() {
     let opaque = Liquid { kind: Kind::Opaque, ..Liquid::default() };
     for (name, liquid) in [("clear", Liquid::default()), ("turbid", turbid), ("opaque", opaque)] {
         for (splashes, lights, solids) in [(0, vec![], vec![]), (3, lights(), solids())] {
-            let mut scene = Scene { liquid: liquid.clone(), solids, lights, ..scene() };
+            let mut scene = Scene { liquid, solids, lights, ..scene() };
             scene.settings.refract.samples = 1 + splashes as u32;
             let splats = splats(5, splashes);
             let input = FrameInput::new(&scene, &camera(), &splats, UVec2::new(33, 17));

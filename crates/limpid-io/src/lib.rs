@@ -5,8 +5,7 @@
 //! settings by error or time.
 //!
 //! ```no_run
-//! use limpid::frame::FrameInput;
-//! use limpid::offscreen::Offscreen;
+//! //! use limpid::offscreen::Offscreen;
 //! use limpid_io::{device, output, open::Request};
 //!
 //! # fn main() -> limpid_io::Result<()> {
@@ -18,7 +17,7 @@
 //! let mut offscreen = Offscreen::new(&device::open()?);
 //! let size = limpid::glam::UVec2::new(1024, 768);
 //! let scene = loaded.scene(&project.scene);
-//! let drawn = offscreen.draw(FrameInput::new(&scene, &camera, &loaded.splats, size))?;
+//! let drawn = offscreen.draw(loaded.picture(&scene, &camera, size))?;
 //! output::write_png("water.png".as_ref(), &drawn.picture)?;
 //! # Ok(())
 //! # }

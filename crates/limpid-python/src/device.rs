@@ -404,7 +404,7 @@ impl Drawer {
             surface: aovs.iter().any(interface).then_some(&motion),
             diagnose: !aovs.is_empty(),
             reuse: true,
-            ..FrameInput::new(&of_loaded, camera.view(), &loaded.splats, size)
+            ..loaded.picture(&of_loaded, camera.view(), size)
         };
         let lying = || series::lying(&loader, bare.as_ref()?, loaded.splats.radius);
         let standing = match described {

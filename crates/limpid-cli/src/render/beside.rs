@@ -9,7 +9,6 @@ use std::sync::Arc;
 
 use image::{DynamicImage, GenericImage as _};
 use limpid::camera::View;
-use limpid::frame::FrameInput;
 use limpid::liquid::Up;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
@@ -131,7 +130,7 @@ impl Side {
         let view = (&shot.camera, sizes.picture);
         self.console.frame(&loaded, &self.scene, view, camera_up, adapter);
         let scene = loaded.scene(&self.scene);
-        let input = FrameInput::new(&scene, &shot.camera, &loaded.splats, sizes.picture);
+        let input = loaded.picture(&scene, &shot.camera, sizes.picture);
         let drawn = offscreen.draw(input)?;
         let mut picture = drawn.into_image();
         self.overlay.draw(&mut picture, &View::from(&shot.camera));

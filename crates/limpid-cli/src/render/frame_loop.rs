@@ -155,7 +155,7 @@ impl FrameLoop {
             diagnose: drawing.aov.is_some(),
             timing: drawing.timing,
             reuse: drawing.reuse,
-            ..FrameInput::new(&scene, &job.shot.camera, &loaded.splats, drawing.size)
+            ..loaded.picture(&scene, &job.shot.camera, drawing.size)
         };
         let pending = match budget {
             Some(budget) => budget.draw(offscreen, input)?,

@@ -36,8 +36,7 @@ fn commands_have_manual_pages() {
 /// refused. A new command has to be entered here.
 #[test]
 fn common_options_are_on_every_command() {
-    const READING: [&str; 7] =
-        ["render", "view", "scene", "web", "whitewater", "info", "convert"];
+    const READING: [&str; 7] = ["render", "view", "scene", "web", "whitewater", "info", "convert"];
     const DRAWING: [&str; 4] = ["render", "view", "scene", "web"];
     const SEQUENCES: [&str; 5] = ["render", "view", "web", "info", "convert"];
     const OTHERS: [&str; 3] = ["bake", "completions", "man"];

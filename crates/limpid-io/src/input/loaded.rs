@@ -1,9 +1,12 @@
 //! A frame of particles that is ready to draw.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, UVec2, Vec3};
+use limpid::camera::View;
 use limpid::diffuse::Diffuse;
+use limpid::frame::FrameInput;
 use limpid::liquid::Up;
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::{Splat, Splats};
@@ -73,7 +76,7 @@ pub struct Loaded {
     /// The classified particles.
     pub splats: Splats,
     /// Foam, spray, bubbles and dust, if there are any.
-    pub diffuse: Option<Diffuse>,
+    pub diffuse: Option<Arc<Diffuse>>,
     /// Number of splashes among them.
     pub splashes: usize,
     /// Origin of the radius; with several fluids, the least reliable.
@@ -107,6 +110,19 @@ impl Loaded {
         let diffuse = self.diffuse.as_ref().map_or(0, |diffuse| diffuse.len() * DIFFUSE);
         let own = size_of::<Self>() + splats * size_of::<Splat>() + velocities + diffuse;
         own as u64 + self.moved.bytes()
+    }
+
+    /// A picture of the frame alone, of `size` pixels, in [its scene](Self::scene).
+    pub fn picture<'a>(
+        &'a self,
+        scene: &'a Scene,
+        view: impl Into<View>,
+        size: UVec2,
+    ) -> FrameInput<'a> {
+        FrameInput {
+            diffuse: self.diffuse.as_ref(),
+            ..FrameInput::new(scene, view, &self.splats, size)
+        }
     }
 
     /// The scene to draw the frame in: its solids are where they are then. `scene` is the one that the frame was

@@ -286,7 +286,7 @@ impl Loader {
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
-            diffuse,
+            diffuse: diffuse.map(Arc::new),
             remarks: [moved.remarks(), &on_diffuse].concat(),
             bulk,
             moved,

@@ -50,11 +50,9 @@ pub fn measure(gpu: &Gpu, list: List, choices: &[Choice], size: UVec2) -> Result
     let mut offscreen = Offscreen::new(gpu);
     for scene in &scenes {
         let size = size.min(COMPILING_SIZE);
-        offscreen.draw(FrameInput::new(scene, &camera, &loaded.splats, size))?;
+        offscreen.draw(loaded.picture(scene, &camera, size))?;
     }
-    let mut time = |i: usize| {
-        frame_ms(&mut offscreen, FrameInput::new(&scenes[i], &camera, &loaded.splats, size))
-    };
+    let mut time = |i: usize| frame_ms(&mut offscreen, loaded.picture(&scenes[i], &camera, size));
     let mut ratios = vec![Vec::new(); choices.len()];
     let mut remaining: Vec<usize> = (1..choices.len()).collect();
     for _ in 0..ROUNDS {

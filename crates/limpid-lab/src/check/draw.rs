@@ -151,7 +151,7 @@ impl<'a> OpenedEntry<'a> {
         let shot = offscreen.draw(FrameInput {
             diagnose: !chosen.is_empty(),
             surface: composed.then_some(&motion),
-            ..FrameInput::new(&scene, &self.camera, &loaded.splats, self.entry.size)
+            ..loaded.picture(&scene, &self.camera, self.entry.size)
         })?;
         Ok(shot.picture)
     }

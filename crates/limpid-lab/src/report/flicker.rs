@@ -12,7 +12,6 @@ use super::subjects::{Subject, size};
 use crate::reference::Liquid;
 use crate::reference::trace::{MAX_DEPTH, trace};
 use limpid::camera::Camera;
-use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::renderer::Renderer;
 use limpid::settings::{Layers, Refract, Settings};
@@ -57,10 +56,8 @@ pub fn measure(
     let mut rows = Vec::new();
     for (text, settings) in methods() {
         let (scene, loaded) = subject.with(&settings)?;
-        let mut picture = |camera| {
-            draw(gpu, renderer, FrameInput::new(&scene, camera, &loaded.splats, size), 0)
-                .map(|p| p.0)
-        };
+        let mut picture =
+            |camera| draw(gpu, renderer, loaded.picture(&scene, camera, size), 0).map(|p| p.0);
         let pictures: Vec<_> = cameras.iter().map(&mut picture).collect::<Result<_>>()?;
         rows.push(row(subject, text, &pictures, &truths, ErrorKind::ChangeInOrbit));
     }
@@ -73,9 +70,7 @@ pub fn measure(
         let mut pictures = Vec::new();
         for (particles, _) in &moved {
             let (scene, loaded) = subject.prepared(particles, &settings)?;
-            pictures.push(
-                draw(gpu, renderer, FrameInput::new(&scene, &camera, &loaded.splats, size), 0)?.0,
-            );
+            pictures.push(draw(gpu, renderer, loaded.picture(&scene, &camera, size), 0)?.0);
         }
         rows.push(row(subject, text, &pictures, &truths, ErrorKind::ChangeInPlay));
     }

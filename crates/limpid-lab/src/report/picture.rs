@@ -112,12 +112,8 @@ pub fn measure(
     let mut panels = vec![("truth".to_owned(), truth.clone())];
     for (method, settings_text, settings) in methods(effort.variants, subject.scene.is_lit()) {
         let (scene, loaded) = subject.with(&settings)?;
-        let (picture, times) = draw(
-            gpu,
-            renderer,
-            FrameInput::new(&scene, &camera, &loaded.splats, size),
-            effort.repeats,
-        )?;
+        let (picture, times) =
+            draw(gpu, renderer, loaded.picture(&scene, &camera, size), effort.repeats)?;
         let map = flip(&truth, &picture, PIXELS_PER_DEGREE)?;
         let totals: Vec<f64> =
             times.iter().map(|passes| passes.iter().map(|pass| pass.ms).sum()).collect();

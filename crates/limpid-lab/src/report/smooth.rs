@@ -8,7 +8,6 @@ use super::subjects::{Subject, size};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::reference::layers::ViewSpace;
 use crate::reference::trace::{MAX_DEPTH, first_last, trace};
-use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::passes::Layers;
 use limpid::renderer::Renderer;
@@ -71,12 +70,8 @@ pub fn measure(
     for (method, settings_text, smooth) in methods(!effort.variants) {
         let settings = Settings { smooth, ..Settings::default() };
         let (scene, loaded) = subject.with(&settings)?;
-        let (picture, times) = draw(
-            gpu,
-            renderer,
-            FrameInput::new(&scene, &camera, &loaded.splats, size),
-            effort.repeats,
-        )?;
+        let (picture, times) =
+            draw(gpu, renderer, loaded.picture(&scene, &camera, size), effort.repeats)?;
         let of_smooth: Vec<f64> = times
             .iter()
             .map(|passes| passes.iter().filter(|p| p.name == "smooth").map(|p| p.ms).sum())

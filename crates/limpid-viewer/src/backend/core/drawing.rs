@@ -208,7 +208,7 @@ pub async fn picture(
     diagnose: bool,
 ) -> Result<RenderedFrame> {
     let scene = pane.loaded.scene(&pane.scene);
-    let input = FrameInput::new(&scene, &pane.camera, &pane.loaded.splats, pane.size);
+    let input = pane.loaded.picture(&scene, &pane.camera, pane.size);
     let input = FrameInput { colors: colors.or(input.colors), ..input };
     Ok(offscreen.finish(FrameInput { diagnose, timing: true, reuse: true, ..input }).await?)
 }

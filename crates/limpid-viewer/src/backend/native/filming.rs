@@ -6,7 +6,6 @@ use std::sync::Arc;
 use glam::UVec2;
 use image::DynamicImage;
 
-use limpid::frame::FrameInput;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid_io::color_by::ColorScale;
@@ -49,7 +48,7 @@ pub(crate) fn write(
             _ => input.load(frame_times[shot.frame], scene)?,
         };
         let scene = loaded.scene(scene);
-        let input = FrameInput::new(&scene, &shot.camera, &loaded.splats, *size);
+        let input = loaded.picture(&scene, &shot.camera, *size);
         let mut picture = DynamicImage::from(offscreen.draw(input)?.picture);
         if let Some(scale) = legend {
             draw_legend(&mut picture, scale);
