@@ -5,7 +5,7 @@
 //! settings by error or time.
 //!
 //! ```no_run
-//! //! use limpid::offscreen::Offscreen;
+//! use limpid::offscreen::Offscreen;
 //! use limpid_io::{device, output, open::Request};
 //!
 //! # fn main() -> limpid_io::Result<()> {
