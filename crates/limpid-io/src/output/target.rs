@@ -87,7 +87,7 @@ impl FileKind {
     /// The parameters of a bake's frames.
     pub const BAKE_RECORD: Self =
         Self::new("the record of a bake", |file| file.is_json("simulation"));
-    /// What the frames of whitewater were made from.
+    /// The record of how frames of whitewater were made.
     pub const WHITEWATER_RECORD: Self =
         Self::new("the record of whitewater", |file| file.is_json("whitewater"));
     /// The conditions under which expectations were drawn.

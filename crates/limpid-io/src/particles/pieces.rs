@@ -73,7 +73,7 @@ pub(crate) fn joined(path: &Path, mut parts: Vec<(String, Contents)>) -> Result<
     all.particles = Particles::joined(&particles);
     let filled = || parts.iter().zip(&particles).filter(|(_, own)| !own.is_empty());
     if let Some(((_, first), _)) = filled().next() {
-        // Those that every part has.
+        // Attributes of all parts.
         let of = |name: &String| {
             let column = |part: &Contents| {
                 part.columns.iter().find(|(own, _)| own == name).map(|(_, numbers)| numbers.clone())

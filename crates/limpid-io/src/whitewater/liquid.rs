@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         self.pace
     }
 
-    /// What the files of a frame's liquid are, to see whether they change.
+    /// Length and time of the files of a frame's liquid, to see whether they change.
     pub(super) fn stamp(&self, number: i64) -> String {
         let files = self.loader.files_at(FrameTime::at(number));
         files.map(stamp).collect::<Vec<_>>().join(" ")
@@ -142,7 +142,7 @@ impl<'a> Reader<'a> {
         all.get(all.len() / 2).copied()
     }
 
-    /// Measures the sequence by some of its frames. Those that cannot be read are left out.
+    /// Measures the sequence by some of its frames. Unreadable ones are left out.
     pub(super) fn survey(&self) -> Result<Survey> {
         let mut surveyor = Surveyor::new(self.radius.max(f32::MIN_POSITIVE));
         for index in self.some(SURVEYED) {

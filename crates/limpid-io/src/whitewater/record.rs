@@ -49,7 +49,7 @@ impl Made {
     }
 }
 
-/// What a file is, without reading it.
+/// A mark of a file, without reading it.
 pub(super) fn stamp(path: &Path) -> String {
     let Ok(metadata) = path.metadata() else { return String::new() };
     let time =

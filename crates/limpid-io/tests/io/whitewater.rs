@@ -81,7 +81,7 @@ fn an_interrupted_run_gives_the_same_files() {
     for extension in ["bgeo", "csv", "vtu", "ply"] {
         let parts = Files::of(&loader, &out.path().join(extension), extension);
         assert_eq!(make(&loader, &parts, Choices::default(), 3), [1, 2, 3]);
-        // Those that are there are not made again.
+        // Existing frames are not made again.
         assert_eq!(make(&loader, &parts, Choices::default(), 99), [4, 5, 6]);
         assert_eq!(make(&loader, &parts, Choices::default(), 99), [0; 0]);
         assert_eq!(all(&parts), made, "{extension}");
