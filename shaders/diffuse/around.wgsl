@@ -7,13 +7,6 @@
 #import diffuse/particles.wgsl
 #import shade/looks.wgsl
 
-struct Probe {
-    mean: vec3f,
-    x: vec3f,
-    y: vec3f,
-    z: vec3f,
-}
-
 @group(1) @binding(3) var<storage, read> nearest: array<u32>;
 @group(1) @binding(5) var<storage, read_write> probes: array<Probe>;
 

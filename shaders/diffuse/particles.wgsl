@@ -25,6 +25,14 @@ struct Placed {
     traits: u32,      // and, above their 18 bits, the share of it above the liquid
 }
 
+// Light around the spheres of a tile: diffuse/around.wgsl.
+struct Probe {
+    mean: vec3f,
+    x: vec3f,
+    y: vec3f,
+    z: vec3f,
+}
+
 // Kind, in two bits, and opacity, in 16.
 fn kind_of(traits: u32) -> u32 {
     return traits & 3u;

@@ -8,13 +8,6 @@
 #import diffuse/particles.wgsl
 #import diffuse/pixels.wgsl
 
-struct Probe {
-    mean: vec3f,
-    x: vec3f,
-    y: vec3f,
-    z: vec3f,
-}
-
 struct Large {
     count: u32,
     spheres: array<u32>,
