@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::passes::Layers;
 use crate::passes::caustics::CausticMap;
+use crate::passes::diffuse;
 use crate::passes::surface::SurfaceImages;
 use crate::renderer::Images;
 
@@ -29,6 +30,9 @@ pub enum Aov {
     Coverage,
     /// The same for each fluid, counted from 1: `mask.fluid1` and so on.
     Mask,
+    /// Share of each pixel that foam, spray, bubbles and dust cover, 0 to 1: `diffuse.coverage`, and its parts in the air and,
+    /// seen through the first surface, in the liquid: `diffuse.air` and `diffuse.liquid`.
+    Diffuse,
     /// Value that colours an opaque body's surface, in the unit of the data; 0 where empty.
     Value,
     /// Depth of each smoothed aggregate layer, m.
@@ -54,12 +58,13 @@ pub enum Aov {
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Depth,
         Self::Normal,
         Self::Motion,
         Self::Coverage,
         Self::Mask,
+        Self::Diffuse,
         Self::Value,
         Self::SmoothDepth,
         Self::SmoothNormal,
@@ -86,6 +91,7 @@ impl Aov {
             Self::Motion => "motion",
             Self::Coverage => "coverage",
             Self::Mask => "mask",
+            Self::Diffuse => "diffuse",
             Self::Value => "value",
             Self::SmoothDepth => "smooth_depth",
             Self::SmoothNormal => "smooth_normal",
@@ -166,7 +172,7 @@ impl Part {
         let size = self.size / side;
         let row = self.size.x as usize;
         let reduce = |Channel { name, values }: Channel| {
-            let is_mean = ["R", "G", "B", "A", "radiance", "coverage", "mask"];
+            let is_mean = ["R", "G", "B", "A", "radiance", "coverage", "mask", "diffuse"];
             let is_mean = is_mean.contains(&name.split('.').next().unwrap_or_default());
             // Motion is in pixels.
             let unit = if name.starts_with("motion") { 1.0 / side as f32 } else { 1.0 };
@@ -205,6 +211,13 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
 async fn texels(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<[f32; 4]>> {
     let bytes = gpu.begin_reading(texture, layer).finish(gpu).await?;
     Ok(bytemuck::pod_collect_to_vec(&bytes))
+}
+
+/// Coverage of each pixel by spheres, from their sums.
+async fn covered(gpu: &Gpu, sums: &wgpu::Buffer) -> Result<Vec<f32>> {
+    let bytes = gpu.begin_reading_buffer(sums).finish(gpu).await?;
+    let sums: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
+    Ok(diffuse::covered(&sums))
 }
 
 /// As `read`, for code that browsers and other programs share: waiting yields in a browser and blocks elsewhere.
@@ -248,6 +261,14 @@ pub async fn finish(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Pa
                             }
                         }
                     }
+                }
+            }
+            Aov::Diffuse => {
+                let Some(sums) = &images.diffuse else { continue };
+                let [air, liquid] = [covered(gpu, &sums[0]).await?, covered(gpu, &sums[1]).await?];
+                let both = air.iter().zip(&liquid).map(|(a, b)| a + (1.0 - a) * b).collect();
+                for (name, values) in [("coverage", both), ("air", air), ("liquid", liquid)] {
+                    channels.push(Channel { name: format!("{aov}.{name}"), values });
                 }
             }
             Aov::Value => {

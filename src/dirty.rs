@@ -66,6 +66,7 @@ impl Dirty {
             || optics
             || smooth
             || old.caustics != new.caustics
+            || last.diffuse.as_ref() != input.diffuse
             || light_settings(&old.refract) != light_settings(&new.refract);
         let surfaces = splats
             || smooth
@@ -82,7 +83,6 @@ impl Dirty {
             || old.refract != new.refract
             || last.scene.environment != scene.environment
             || last.scene.background != scene.background
-            || last.diffuse.as_ref() != input.diffuse
             || last.diagnosed != diagnose
             || !last.has_radiance;
         Self { splats, lights, surfaces, radiance }

@@ -61,7 +61,7 @@ impl Lights {
         let FrameInputs { scene, splats, .. } = frame;
         let settings = &scene.settings.caustics;
         (self.count, self.views) = (0, Vec::new());
-        if !scene.is_lit() {
+        if !scene.is_lit() && frame.shadows.is_none() {
             return Ok(Vec::new());
         }
         self.count = scene.lights.len();
@@ -153,6 +153,7 @@ impl Lights {
             let params = Params {
                 wet: u32::from(placed.wet),
                 corner: corner.to_array(),
+                number: placed.light as u32,
                 ..Params::new(light, &placed.view, &map_settings)
             };
             let params = match scene.is_opaque() {

@@ -15,6 +15,7 @@ use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::opaque::OpaquePlanes;
 use crate::passes::shade::{Shade, ShadeImages};
 use crate::passes::smooth;
+use crate::passes::sphere_shadows::Shadows;
 use crate::passes::tiles::Sections;
 use crate::passes::view_passes::{
     FrameInputs, PassNames, PreparedView, SplatSet, ViewConfig, ViewPasses,
@@ -91,7 +92,7 @@ impl OpaqueFluids {
     pub(crate) fn prepare(
         &mut self,
         gpu: &Gpu,
-        (scene, splats): (&Scene, &Splats),
+        (scene, splats, shadows): (&Scene, &Splats, Option<&Shadows>),
         meshes: &MeshBuffers,
         (view, far): (&View, f64),
         dirty: Dirty,
@@ -123,7 +124,7 @@ impl OpaqueFluids {
             sections: Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth)),
         };
         passes.resize(gpu, config);
-        let inputs = FrameInputs { scene: &scene, splats, splat_set, meshes, fits: &fits };
+        let inputs = FrameInputs { scene: &scene, splats, splat_set, meshes, fits: &fits, shadows };
         let of_lights = if dirty.lights { lights.prepare(gpu, inputs)? } else { Vec::new() };
         let uniform: CameraUniform = view.uniform(size, splats.origin, far);
         passes.upload(gpu, inputs, &uniform, view.eye, lights.views(), lights.maps());
@@ -153,7 +154,8 @@ impl OpaqueFluids {
         timer: &mut Timer,
     ) {
         let PreparedOpaque { scene, fits, lights, view, color, shade, planes } = prepared;
-        let inputs = FrameInputs { scene, splats, splat_set: &self.splat_set, meshes, fits };
+        let (splat_set, shadows) = (&self.splat_set, None);
+        let inputs = FrameInputs { scene, splats, splat_set, meshes, fits, shadows };
         self.lights.record(lights, commands, inputs, timer);
         if let Some(view) = view {
             self.view.record(view, commands, timer, PassNames::OPAQUE);

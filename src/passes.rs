@@ -25,6 +25,8 @@ pub mod refract;
 pub mod scene_binding;
 pub mod shade;
 pub mod smooth;
+pub mod sphere_shadows;
+pub mod spheres;
 pub mod splat;
 pub mod splat_buffers;
 pub mod surface;

@@ -1,12 +1,13 @@
 //! The renderer: [`Renderer::render`] draws a frame.
 
+mod parts;
 mod prepared_frame;
 
 use glam::UVec2;
 
 use crate::background::Background;
 use crate::camera::View;
-use crate::dirty::{Dirty, LastFrame};
+use crate::dirty::LastFrame;
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
 use crate::frame::{FrameInput, Target};
@@ -18,17 +19,18 @@ use crate::liquid::classify::colors::ColorMap;
 use crate::memory;
 use crate::opaque_fluids::OpaqueFluids;
 use crate::passes::caustics::CausticMap;
-use crate::passes::color::{Color, ColorImages};
-use crate::passes::diffuse::{self, DiffuseImages, DiffusePass};
+use crate::passes::color::ColorImages;
+use crate::passes::diffuse::DiffuseImages;
 use crate::passes::host::HostPass;
 use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::Mips;
 use crate::passes::refract::{self, Refract, RefractImages, Variant};
 use crate::passes::scene_binding::SceneVariant;
-use crate::passes::shade::{Shade, ShadeImages};
+use crate::passes::shade::ShadeImages;
+use crate::passes::sphere_shadows::Shadows;
 use crate::passes::surface::{self, SurfaceBuffers, SurfaceImages, SurfacePass};
 use crate::passes::tonemap::Tonemap;
-use crate::passes::turbid::{Turbid, TurbidImages};
+use crate::passes::turbid::TurbidImages;
 use crate::passes::view_passes::{PassNames, SplatSet, ViewPasses};
 use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::settings;
@@ -57,6 +59,7 @@ pub struct Renderer {
     clouded: Option<TurbidImages>,
     /// Of foam, spray, bubbles and dust.
     diffuse: Option<DiffuseImages>,
+    shadows: Option<Shadows>,
     /// Of opaque fluids among others.
     opaque: Option<OpaqueFluids>,
     /// Of opaque bodies whose particles have colours.
@@ -97,6 +100,8 @@ pub struct Images {
     pub caustics: Vec<Option<CausticMap>>,
     /// The images of the first interface, if [`FrameInput::surface`] was set.
     pub surface: Option<SurfaceImages>,
+    /// Sums of foam, spray, bubbles and dust, in the air and in the liquid, if the frame had any.
+    pub diffuse: Option<[wgpu::Buffer; 2]>,
     /// Linear albedo of an opaque body's surface and the value's place in the map's range, with the map, if it is coloured by
     /// values.
     pub colors: Option<(wgpu::Texture, ColorMap)>,
@@ -127,6 +132,7 @@ impl Renderer {
             shaded: None,
             clouded: None,
             diffuse: None,
+            shadows: None,
             opaque: None,
             colored: None,
             surface: SurfaceBuffers::new(gpu),
@@ -359,11 +365,13 @@ impl Renderer {
         let mut frame =
             PreparedFrame::new(&self.gpu, input, &self.splat_set.blocks, last, has_other_splats);
         self.resize(&frame);
+        self.prepare_spheres(&frame)?;
         let (gpu, eye) = (&self.gpu, input.view.eye);
         self.meshes.prepare(gpu, input.scene)?;
-        let inputs = frame.inputs(&self.splat_set, &self.meshes);
+        let (splat_set, meshes, shadows) = (&self.splat_set, &self.meshes, self.shadows.as_ref());
+        let inputs = frame.inputs(splat_set, meshes, shadows);
         let lights = match frame.dirty.lights {
-            true => self.lights.prepare(gpu, frame.light_inputs(&self.splat_set, &self.meshes))?,
+            true => self.lights.prepare(gpu, frame.light_inputs(splat_set, meshes, shadows))?,
             false => Vec::new(),
         };
         let (views, maps) = (self.lights.views(), self.lights.maps());
@@ -397,12 +405,6 @@ impl Renderer {
             frame.surface = Some(surface);
         }
         self.prepare_opaque(&mut frame)?;
-        if frame.dirty.radiance {
-            let kept = self.diffuse.take();
-            let spheres = input.diffuse.filter(|diffuse| !diffuse.is_empty());
-            let images = |spheres| DiffuseImages::new(&self.gpu, spheres, input.size, kept);
-            self.diffuse = spheres.map(images).transpose()?;
-        }
         // Drivers may crash where they compile without memory.
         self.gpu.check()?;
         Ok(frame)
@@ -422,7 +424,7 @@ impl Renderer {
             None => self.background.view(),
         };
         let structure = frame.input.scene.settings.refract.structure;
-        let params = &frame.refract_params();
+        let params = &frame.refract_params(self.diffuse.as_ref());
         let alone = frame.shade.as_ref().and(self.shaded.as_ref()).map(|shaded| &shaded.radiance);
         let body = alone.or(self.opaque.as_ref().map(OpaqueFluids::radiance));
         let (turbid, diffuse, work) = (self.clouded.as_ref(), self.diffuse.as_ref(), frame.work);
@@ -432,78 +434,16 @@ impl Renderer {
         self.compiled = Some((frame.variant, eye.scene.variant));
     }
 
-    /// Prepares the opaque fluids among others.
-    fn prepare_opaque(&mut self, frame: &mut PreparedFrame<'_>) -> Result<()> {
-        let FrameInput { scene, splats, size, view, .. } = frame.input;
-        let Some(splats) = &splats.opaque else {
-            self.opaque = None;
-            return Ok(());
-        };
-        let (gpu, orthographic) = (&self.gpu, view.is_orthographic());
-        let mut dirty = frame.dirty;
-        self.opaque.take_if(|opaque| !opaque.fits(size, orthographic));
-        let opaque = self.opaque.get_or_insert_with(|| {
-            dirty = Dirty::ALL;
-            OpaqueFluids::new(gpu, size, orthographic)
-        });
-        let (gbuffer, eye) = (&self.camera_view.images.gbuffer, (&view, frame.uniform.far.into()));
-        let inputs = (scene, &**splats);
-        frame.opaque = Some(opaque.prepare(gpu, inputs, &self.meshes, eye, dirty, gbuffer)?);
-        Ok(())
-    }
-
-    /// Prepares the radiance of an opaque body.
-    fn prepare_body(&mut self, frame: &mut PreparedFrame<'_>) {
-        let FrameInput { scene, splats, colors, size, .. } = frame.input;
-        if !scene.is_opaque() {
-            (self.shaded, self.colored) = (None, None);
-            return;
-        }
-        let (gpu, eye) = (&self.gpu, &self.camera_view);
-        frame.color = colors.map(|colors| {
-            let kept = self.colored.get_or_insert_with(|| ColorImages::new(gpu, size));
-            Color::prepare(gpu, eye, &frame.uniform, colors, kept)
-        });
-        let colored = self.colored.as_ref().filter(|_| colors.is_some());
-        let colored = colored.map(|colored| &colored.texture);
-        let images = self.shaded.get_or_insert_with(|| ShadeImages::new(gpu, size));
-        frame.shade = Some(Shade::prepare(gpu, eye, scene, (splats.radius, 1.0), colored, images));
-    }
-
-    /// Prepares the light around a turbid liquid.
-    fn prepare_turbid(&mut self, frame: &mut PreparedFrame<'_>) {
-        let FrameInput { scene, splats, size, .. } = frame.input;
-        if !scene.is_turbid() {
-            self.clouded = None;
-            return;
-        }
-        let gpu = &self.gpu;
-        let images = self.clouded.get_or_insert_with(|| TurbidImages::new(gpu, size, scene));
-        images.update(gpu, scene);
-        frame.turbid = Some(Turbid::prepare(gpu, &self.camera_view, scene, splats.radius, images));
-    }
-
-    /// Prepares foam, spray, bubbles and dust.
-    fn prepare_diffuse(&mut self, frame: &mut PreparedFrame<'_>) {
-        let FrameInput { scene, splats, view, .. } = frame.input;
-        let Some((diffuse, images)) = frame.input.diffuse.zip(self.diffuse.as_ref()) else {
-            return;
-        };
-        let params = diffuse::Params::new(scene, diffuse, view.eye, splats.radius);
-        let (eye, work) = (&self.camera_view, refract::solid_work(scene));
-        let pass = DiffusePass::prepare(&self.gpu, eye, scene, params, images, work);
-        frame.diffuse = Some(pass);
-    }
-
     /// A timer for all passes of a frame.
     fn timer(&self, frame: &PreparedFrame<'_>) -> Timer {
-        // Those of the views; then host, mips, color, shade, turbid, diffuse, refract, surface and tonemap, and the caustics of each light.
+        // Those of the views; then host, mips, color, shade, turbid, shadows and sums of spheres, refraction, surface and
+        // tonemap, and the caustics of each light.
         let (opaque, views) = self
             .opaque
             .as_ref()
             .map_or((0, 0), |opaque| (OpaqueFluids::PASSES, opaque.light_views()));
         let of_lights = (PassNames::COUNT + 1) * (self.lights.views().len() + views);
-        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 9 + opaque + of_lights)
+        Timer::new(&self.gpu, frame.input.timing, PassNames::COUNT + 10 + opaque + of_lights)
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
@@ -513,7 +453,11 @@ impl Renderer {
         commands: &mut Commands<'_>,
         timer: &mut Timer,
     ) {
-        let inputs = frame.light_inputs(&self.splat_set, &self.meshes);
+        if let Some(shadows) = self.shadows.as_ref().filter(|_| frame.dirty.lights) {
+            shadows.record(commands, timer.span("sphere shadows"));
+        }
+        let shadows = self.shadows.as_ref();
+        let inputs = frame.light_inputs(&self.splat_set, &self.meshes, shadows);
         self.lights.record(&frame.lights, commands, inputs, timer);
         if let Some(view) = &frame.view {
             self.camera_view.record(view, commands, timer, PassNames::CAMERA);
@@ -588,6 +532,7 @@ impl Renderer {
             gbuffer: view.has_gbuffer().then(|| view.images.gbuffer.clone()),
             caustics: self.lights.caustic_maps(),
             surface: self.shows_surface.then(|| self.surface.images.clone()).flatten(),
+            diffuse: self.diffuse.as_ref().map(DiffuseImages::pixel_sums),
             colors: self.colored.as_ref().and_then(ColorImages::by_value),
             fluids: self.fluids,
             radiance: picture.radiance.clone(),

@@ -29,6 +29,7 @@ Aov = Union[
         "motion",
         "coverage",
         "mask",
+        "diffuse",
         "value",
         "smooth_depth",
         "smooth_normal",

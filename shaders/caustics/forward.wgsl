@@ -102,6 +102,7 @@ fn light_path(vertex: GridVertex) -> Landing {
     } else if !dry {
         passed *= transmittance_between(start, receiver.position);
     }
+    passed *= passed_below(o, select(0.0, distance(o, receiver.position), receiver.found));
     let normal = pack_unit(plane_normal(receiver.plane));
     return Landing(receiver.position, state, passed, normal, start, pack_unit(d));
 }

@@ -11,6 +11,7 @@
 
 #import $intersector
 #import caustics/conic.wgsl
+#import caustics/light.wgsl
 #import caustics/params.wgsl
 
 @group(3) @binding(0) var<$branching> caustics: CausticParams;
@@ -212,6 +213,6 @@ fn gathered(texel: vec2i) -> vec4f {
     let widening = max(path.spread, params.ior * params.ior * straight / largest_magnification());
     let focus = params.ior * params.ior / widening;
     let cosine = abs(dot(path.to_receiver, normal));
-    let left = transmittance_between(x, receiver);
+    let left = transmittance_between(x, receiver) * passed_below(x, distance(x, receiver));
     return vec4f(caustics.power * left * (lit * transmitted * focus * cosine), SOLVED);
 }

@@ -11,3 +11,10 @@ fn shadowed(x: vec3f) -> bool {
     let far = select(distance(caustics.light, x), NOTHING, ORTHOGRAPHIC);
     return scene_blocks(camera_world_point(x), camera_world_direction(d), far);
 }
+
+// Share of the light that passes the foam on the liquid at x, and the bubbles on a way of this length below it, as if it went
+// straight on.
+fn passed_below(x: vec3f, way: f32) -> f32 {
+    let below = camera_world_point(x - way * caustics_to_light(x));
+    return passed_by_spheres(caustics.number, below, 0.0, vec3f(1.0)).x;
+}

@@ -15,6 +15,7 @@ struct CausticParams {
     wet: u32,          // 1 if the light is in the liquid
     first: vec2u,      // first thread of a piece of the dispatch
     corner: vec2u,     // first texel of the view in the maps
+    number: u32,       // of the light
 }
 
 struct GridVertex {

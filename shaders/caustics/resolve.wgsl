@@ -108,7 +108,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
         let word = 6u * u32(p.y * i32(camera.size.x) + p.x);
         irradiance = direct * light_ratio(word) / view_power(omega);
     } else if covered {
-        irradiance = caustics.gain * direct * straight(p, slabs, plane.xyz, omega);
+        let passed = straight(p, slabs, plane.xyz, omega) * passed_below(x, 0.0);
+        irradiance = caustics.gain * direct * passed;
         if METHOD == GATHER {
             let found = textureLoad(gathered, p, 0);
             irradiance = select(irradiance, found.rgb, found.a > 0.5);

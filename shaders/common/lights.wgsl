@@ -3,6 +3,8 @@
 // A texel of a caustic map corresponds to the patch of a solid that the light's view shows there
 // without the liquid. It holds the irradiance of light that passed through liquid (rgb, W/m²).
 
+#import common/light_grid.wgsl
+
 const SUN: u32 = 0u;
 const POINT: u32 = 1u;
 
@@ -12,6 +14,7 @@ struct Light {
     power: vec3f,       // irradiance of a sun, or radiant intensity of a point light
     straight: u32,      // views along the unrefracted light: 0 if the map's view is one, 1 or CUBE
     map: u32,           // 1 if the light has a caustic map
+    spheres: LightGrid,
 }
 
 // A light's view and its region of the maps; of width 0 if the view does not exist.
@@ -46,6 +49,8 @@ override STRAIGHT_VIEWS: bool = false;
 @group(2) @binding(4) var caustic_maps: texture_2d_array<f32>;
 @group(2) @binding(5) var caustic_receivers: texture_2d_array<f32>; // plane; disparity of the liquid's front
 @group(2) @binding(6) var<$branching> light_views: array<LightView, MAX_LIGHT_VIEWS>;
+// Optical depths from each light to the ends of the slices of its columns, as bits.
+@group(2) @binding(9) var<storage, read> sphere_depths: array<u32>;
 
 struct ToLight {
     direction: vec3f, // unit
@@ -75,8 +80,9 @@ const SAME_RECEIVER: f32 = 0.5;
 fn light_with_liquid(index: u32, x: vec3f, n: vec3f, direct: vec3f) -> vec3f {
     let sun = lights[index].kind == SUN;
     let map = VIEWS * index;
+    let passed = passed_by_spheres(index, x, 0.0, vec3f(1.0)) * direct;
     if !STRAIGHT_VIEWS {
-        return dry_share(map, sun, x) * direct + light_of_map(map, sun, x, n);
+        return dry_share(map, sun, x) * passed + light_of_map(map, sun, x, n);
     }
     let straight = lights[index].straight;
     var view = map + min(straight, 1u);
@@ -84,7 +90,7 @@ fn light_with_liquid(index: u32, x: vec3f, n: vec3f, direct: vec3f) -> vec3f {
         view += cube_face(x - lights[index].place);
     }
     let with_light = select(view, map, lights[index].map == 1u);
-    return dry_share(view, sun, x) * direct + light_of_map(with_light, sun, x, n);
+    return dry_share(view, sun, x) * passed + light_of_map(with_light, sun, x, n);
 }
 
 // Cube face that a direction points at: +x, -x, +y, -y, +z, -z.
@@ -168,4 +174,35 @@ fn light_of_map(index: u32, sun: bool, x: vec3f, n: vec3f) -> vec3f {
         }
     }
     return sum / (max(weight, 1e-20) * 3.14159265);
+}
+
+// Whether there are foam, spray or bubbles.
+override SPHERES: bool = false;
+// Share of a light that passes the spheres on its straight way to x, as far as `nearer` slices before it. `part` of their optical
+// depth takes light away.
+fn passed_by_spheres(index: u32, x: vec3f, nearer: f32, part: vec3f) -> vec3f {
+    let grid = lights[index].spheres;
+    if !SPHERES || grid.columns == 0u {
+        return vec3f(1.0);
+    }
+    let at = in_light_grid(grid, x);
+    let slice = clamp(at.z * f32(LIGHT_SLICES) - nearer, 0.0, f32(LIGHT_SLICES));
+    let inside = all(at.xy >= vec2f(0.0)) && all(at.xy <= vec2f(1.0)) && slice > 0.0;
+    let column = at.xy * f32(grid.columns) - 0.5;
+    let first = floor(column);
+    let share = column - first;
+    let end = min(u32(slice), LIGHT_SLICES - 1u);
+    let before = max(end, 1u) - 1u;
+    var passed = vec3f(0.0);
+    for (var i = 0; i < select(0, 4, inside); i++) {
+        let corner = vec2f(f32(i & 1), f32(i >> 1u));
+        let near = vec2u(clamp(first + corner, vec2f(0.0), vec2f(f32(grid.columns) - 1.0)));
+        let weight = mix(1.0 - share, share, corner);
+        let word = grid.first + (near.y * grid.columns + near.x) * LIGHT_SLICES;
+        let far_depth = bitcast<f32>(sphere_depths[word + end]);
+        let near_depth = select(0.0, bitcast<f32>(sphere_depths[word + before]), end > 0u);
+        let depth = mix(near_depth, far_depth, slice - f32(end));
+        passed += weight.x * weight.y * exp(-part * depth);
+    }
+    return select(vec3f(1.0), passed, inside);
 }

@@ -7,8 +7,7 @@
 #import diffuse/particles.wgsl
 #import shade/looks.wgsl
 
-@group(1) @binding(3) var<storage, read> nearest: array<u32>;
-@group(1) @binding(5) var<storage, read_write> probes: array<Probe>;
+@group(1) @binding(3) var<storage, read_write> probes: array<Probe>;
 
 const LOOKS: u32 = 64u;
 
@@ -30,12 +29,13 @@ fn beyond(o: vec3f, d: vec3f, width: f32) -> vec3f {
 fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let tile = group_index(group);
     let across = tiles_across(u32(camera.size.x));
-    let has_spheres = tile < arrayLength(&nearest) && nearest[min(tile, arrayLength(&nearest) - 1u)] != 0u;
+    let nearest = probes[min(tile, arrayLength(&probes) - 1u)].nearest;
+    let has_spheres = tile < arrayLength(&probes) && nearest != 0u;
     var own = array<vec3f, 4>();
     if has_spheres {
         let texel = min(vec2i(vec2u(tile % across, tile / across) * TILE + TILE / 2u), vec2i(camera.size) - 1);
         var body = body_at(texel);
-        let disparity = bitcast<f32>(nearest[tile]);
+        let disparity = bitcast<f32>(nearest);
         if plane_is_empty(body.front) || body.disparity < 0.5 * disparity {
             body.position = camera_point(body.omega, disparity);
             body.normal = vec3f(0.0);
@@ -63,6 +63,7 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     }
     if local == 0u && has_spheres {
         let share = 1.0 / f32(LOOKS);
-        probes[tile] = Probe(share * sums[0][0], share * sums[0][1], share * sums[0][2], share * sums[0][3]);
+        let sum = sums[0];
+        probes[tile] = Probe(share * sum[0], nearest, share * sum[1], share * sum[2], share * sum[3]);
     }
 }

@@ -13,9 +13,13 @@ struct Params {
     clear: u32,               // 1: the liquid lets light through
     mean_transmittance: f32,  // of the liquid's surface, for light from everywhere outside
     white: f32,               // radiance of which `sums` counts shares
+    cells_first: vec3f,       // corner of the grid, relative to the eye, world axes, m: diffuse/cells.wgsl
+    cells_side: f32,          // of a cell, m
+    cells_across: vec3u,      // cells along each axis
 }
 
 @group(1) @binding(0) var<uniform> params: Params;
+
 // A sphere in the picture.
 struct Placed {
     position: vec3f,  // of its centre, view space, m
@@ -28,6 +32,7 @@ struct Placed {
 // Light around the spheres of a tile: diffuse/around.wgsl.
 struct Probe {
     mean: vec3f,
+    nearest: u32, // disparity of the tile's nearest sphere, as bits; 0 without one
     x: vec3f,
     y: vec3f,
     z: vec3f,

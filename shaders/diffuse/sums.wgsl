@@ -4,7 +4,7 @@
 // Small spheres cover the share of a pixel that a square of their area would: the shares of all pixels add up to the sphere.
 // Of large ones each pixel sees a point. Those behind a pixel's nearest opaque sphere are hidden.
 
-#import common/scene.wgsl
+#import diffuse/light.wgsl
 #import diffuse/particles.wgsl
 #import diffuse/pixels.wgsl
 
@@ -20,62 +20,16 @@ struct Sums {
     blue: atomic<u32>,
 }
 
-@group(1) @binding(1) var<storage, read> placed: array<Placed>;
-@group(1) @binding(2) var<storage, read> nearest: array<u32>;
+@group(1) @binding(2) var<storage, read> placed: array<Placed>;
 @group(1) @binding(3) var<storage, read> large: Large;
-@group(1) @binding(4) var<storage, read> probes: array<Probe>;
 // By pixel.
-@group(1) @binding(5) var<storage, read_write> above: array<Sums>;  // in the air
-@group(1) @binding(6) var<storage, read_write> inside: array<Sums>; // in the liquid
+@group(1) @binding(4) var<storage, read_write> above: array<Sums>;  // in the air
+@group(1) @binding(5) var<storage, read_write> inside: array<Sums>; // in the liquid
 // Disparities of the nearest opaque spheres in the air and in the liquid, as bits.
-@group(1) @binding(7) var<storage, read_write> opaque: array<array<atomic<u32>, 2>>;
+@group(1) @binding(6) var<storage, read_write> opaque: array<array<atomic<u32>, 2>>;
+@group(1) @binding(7) var shown: texture_2d<f32>; // planes of what a host or an opaque fluid shows
 
-const PI: f32 = 3.14159265;
-
-// Irradiance over pi around a pixel, on a surface of normal n: of the four tiles around it that have spheres.
-fn irradiance_at(pixel: vec2f, n: vec3f) -> vec3f {
-    let at = pixel / f32(TILE) - 0.5;
-    let first = floor(at);
-    let share = at - first;
-    let across = tiles_across(u32(camera.size.x));
-    let last = (vec2i(camera.size) - 1) / i32(TILE);
-    var light = vec3f(0.0);
-    var weight = 0.0;
-    for (var i = 0; i < 4; i++) {
-        let corner = vec2i(i & 1, i >> 1u);
-        let tile = vec2u(clamp(vec2i(first) + corner, vec2i(0), last));
-        let index = tile.y * across + tile.x;
-        if nearest[index] != 0u {
-            let part = mix(1.0 - share, share, vec2f(corner));
-            let own = max(part.x * part.y, 1e-4);
-            let probe = probes[index];
-            light += own * max(probe.mean + probe.x * n.x + probe.y * n.y + probe.z * n.z, vec3f(0.0));
-            weight += own;
-        }
-    }
-    return light / max(weight, 1e-4);
-}
-
-// Share of the light that a Lambertian sphere reflects to an eye at this cosine from the light, over that which faces both
-// (E. Schoenberg 1929).
-fn phase(cosine: f32) -> f32 {
-    let angle = acos(clamp(cosine, -1.0, 1.0));
-    return 0.21220659 * (sin(angle) + (PI - angle) * cos(angle));
-}
-
-// Irradiance over pi, of light number i, that nothing blocks.
-fn direct_light(i: u32, x: vec3f, radius: f32, to_light: ToLight) -> vec3f {
-    let start = x + radius * to_light.direction;
-    if scene_blocks(start, to_light.direction, to_light.distance - radius) {
-        return vec3f(0.0);
-    }
-    let sun = lights[i].kind == SUN;
-    let straight = VIEWS * i + select(0u, min(lights[i].straight, 1u), STRAIGHT_VIEWS);
-    // Beside the surface that it floats on.
-    let dry = dry_share(straight, sun, x + params.radius * to_light.direction);
-    let through = params.mean_transmittance;
-    return mix(through, 1.0, dry) * lights[i].power / (to_light.distance2 * PI);
-}
+override SHOWN: bool = false; // there are such planes
 
 // Radiance of a sphere towards the eye: of the point with normal n, in world axes, or of the whole disc if n is 0.
 fn sphere_radiance(sphere: Placed, albedo: vec3f, n: vec3f) -> vec3f {
@@ -87,7 +41,7 @@ fn sphere_radiance(sphere: Placed, albedo: vec3f, n: vec3f) -> vec3f {
     for (var i = 0u; i < LIGHTS; i++) {
         let to_light = light_from(lights[i], x);
         let facing = select(phase(dot(to_eye, to_light.direction)), max(dot(n, to_light.direction), 0.0), is_point);
-        light += facing * direct_light(i, x, sphere.radius, to_light);
+        light += facing * direct_light(i, x, sphere.radius, to_light, albedo);
     }
     return albedo * light;
 }
@@ -113,6 +67,9 @@ fn color_units(covered: f32, radiance: vec3f) -> vec3u {
 // Adds a sphere's part in the air, and that in the liquid.
 fn add(sphere: Placed, pixel: vec2i, covered: f32, radiance: vec3f, disparity: f32) {
     if !is_in_picture(pixel) || covered <= 0.0 {
+        return;
+    }
+    if SHOWN && dot(textureLoad(shown, pixel, 0).xyz, camera_omega(vec2f(pixel) + 0.5)) > disparity {
         return;
     }
     let i = pixel_index(pixel);

@@ -18,6 +18,9 @@ struct Params {
     mean_transmittance: f32, // of the surface, for light from everywhere outside
     radius: f32,           // of particles, m
     diffuse_white: f32,    // of refract/diffuse.wgsl
+    cells_first: vec3f,    // corner of the grid of diffuse/cells.wgsl, relative to the eye, world axes, m
+    cells_side: f32,       // of a cell, m
+    cells_across: vec3u,   // cells along each axis; 0 without spheres
 }
 
 @group(1) @binding(0) var<uniform> params: Params;
@@ -44,3 +47,4 @@ struct Params {
 // Of foam, spray, bubbles and dust, by pixel: diffuse/pixels.wgsl.
 @group(1) @binding(16) var<storage, read> diffuse_above: array<vec4u>;  // in the air
 @group(1) @binding(17) var<storage, read> diffuse_inside: array<vec4u>; // in the liquid
+@group(1) @binding(18) var<storage, read> cells: array<vec4u>;          // diffuse/cells.wgsl

@@ -328,6 +328,11 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
         var screen = !eye;
         var wet = false;
         var to_hit = 0.0;
+        // Spheres on the way to the next interface or the end in liquid; pixels have their own of the eye's ray.
+        var medium = select(NO_SPHERES, IN_AIR, !eye && !inside && hit.found);
+        var way = distance(o, hit.position);
+        let first_liquid = inside && is_first;
+        let weight_before = weight;
         if inside {
             if !rises && interfaces >= params.interfaces {
                 ends = true;
@@ -354,11 +359,8 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 end_scale = select(scale, 1.0, wet);
                 solid.t = select(solid.t, NOTHING, ends && !wet);
                 screen = false;
-                if DIFFUSE && is_first {
-                    let spheres = diffuse_of(diffuse_inside[diffuse_index(texel)]);
-                    result += weight * spheres.rgb;
-                    weight *= 1.0 - spheres.w;
-                }
+                medium = IN_LIQUID;
+                way = select(select(NOTHING, to_hit, hit.found), solid.t, wet);
                 is_first = false;
                 if wet || hit.found {
                     diagnosed.inside += select(to_hit, solid.t, wet);
@@ -391,10 +393,23 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 }
             }
         }
-        eye = false;
-        if !rises {
-            seen = Look(o, d, solid, end_scale * weight, screen, vec3f(1.0), travelled, Spread());
+        if DIFFUSE {
+            var spheres: vec4f;
+            if first_liquid && medium == IN_LIQUID {
+                spheres = diffuse_of(diffuse_inside[diffuse_index(texel)]);
+                spheres.w = 1.0 - spheres.w;
+            } else {
+                spheres = spheres_along(o, d, way, medium);
+            }
+            result += weight_before * spheres.rgb;
+            weight *= spheres.w;
         }
+        if !rises {
+            // Where nothing was seen on the way yet.
+            let last = select(select(IN_LIQUID, IN_AIR, !inside), NO_SPHERES, (eye && !inside) || medium != NO_SPHERES);
+            seen = Look(o, d, solid, end_scale * weight, screen, vec3f(1.0), travelled, Spread(), last);
+        }
+        eye = false;
         if !ends {
             travelled += distance(o, hit.position);
             o = hit.position;
@@ -424,6 +439,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             seen.d = select(reflected, transmitted, bounce);
             seen.weight = weight * select(f * out, through, bounce);
             seen.screen = inside && (bounce || REFLECT_SOLIDS);
+            seen.medium = select(IN_AIR, IN_LIQUID, inside && !bounce);
             seen.solid.t = NOTHING;
             if bounce || REFLECT_SOLIDS {
                 seen.solid = solid_ahead(o, seen.d);

@@ -9,6 +9,7 @@
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
 #import refract/bindings.wgsl
+#import refract/diffuse.wgsl
 #import refract/host.wgsl
 #import refract/opaque_fluids.wgsl
 #import refract/slabs.wgsl
@@ -77,9 +78,19 @@ struct Look {
     ambient: vec3f,  // share of ambient light that reaches the solid
     travelled: f32,  // length of the path from the eye to o
     spread: Spread,  // of d, in world axes
+    medium: u32,     // of refract/diffuse.wgsl
 }
 
 fn look(ray: Look) -> vec3f {
+    if !DIFFUSE {
+        return look_beyond(ray);
+    }
+    let spheres = spheres_along(ray.o, ray.d, ray.solid.t, ray.medium);
+    return ray.weight * spheres.rgb + spheres.w * look_beyond(ray);
+}
+
+// As `look`, without spheres.
+fn look_beyond(ray: Look) -> vec3f {
     if HOST {
         diagnosed.looks += 1.0;
         let shown = host_look(ray.o, ray.d, ray.solid);

@@ -115,7 +115,7 @@ fn light_scattered(index: u32, interval: LitInterval) -> vec3f {
     if !is_lit || beam.cos_t < 0.0 || in_shadow(entry, normal, beam.to_light, 0.0) {
         return vec3f(0.0);
     }
-    let power = lights[index].power;
+    let power = lights[index].power * passed_by_spheres(index, entry, 0.0, vec3f(1.0));
     // A view along unrefracted light shows longer or shorter ways.
     let is_straight = lights[index].map == 1u && lights[index].straight > 0u;
     let extinction = interval.extinction;

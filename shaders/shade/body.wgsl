@@ -92,7 +92,8 @@ fn shade_body(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
         if cos_i <= 0.0 || in_shadow(x, n, to_light, 0.0) {
             continue;
         }
-        let irradiance = lights[i].power * cos_i / to_light.distance2 * own_light(i, x, n);
+        let reaches = own_light(i, x, n) * passed_by_spheres(i, x, 0.0, vec3f(1.0));
+        let irradiance = lights[i].power * cos_i / to_light.distance2 * reaches;
         if !COATED {
             diffuse += irradiance / PI;
             continue;

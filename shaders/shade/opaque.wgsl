@@ -21,5 +21,5 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
     }
     let o = camera_ray_origin(omega);
     let d = camera_ray_direction(omega);
-    return vec4f(look(Look(o, d, solid, vec3f(1.0), false, vec3f(1.0), 0.0, Spread())), 1.0);
+    return vec4f(look(Look(o, d, solid, vec3f(1.0), false, vec3f(1.0), 0.0, Spread(), NO_SPHERES)), 1.0);
 }

@@ -61,8 +61,10 @@ pub struct Params {
     pub first: [u32; 2],
     /// Offset of the view's texels in the maps.
     pub corner: [u32; 2],
+    /// Index of the light.
+    pub number: u32,
     /// Padding.
-    pub pad: [u32; 2],
+    pub pad: u32,
 }
 
 impl Params {
@@ -101,7 +103,8 @@ impl Params {
             wet: 0,
             first: [0; 2],
             corner: [0; 2],
-            pad: [0; 2],
+            number: 0,
+            pad: 0,
         }
     }
 }

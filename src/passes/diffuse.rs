@@ -2,16 +2,22 @@
 //!
 //! Each particle is a white sphere. It is placed where it is seen: before the liquid, or refracted by the liquid's first
 //! surface. A tile with spheres looks around for the light that reaches them; then each sphere adds its coverage and its
-//! radiance to the sums of its pixels. Sums of integers do not depend on the order. Refraction draws them over its rays.
+//! radiance to the sums of its pixels. Sums of integers do not depend on the order. Refraction draws them over its rays, whose
+//! later parts see the [`cells`] of a grid.
+
+mod cells;
 
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2, Vec3, Vec4};
 use wgpu::BindingResource::TextureView;
+use wgpu::TextureViewDimension::D2;
 
+use self::cells::Cells;
 use super::mixture::Shares;
 use super::scene_binding::SceneVariant;
+use super::spheres::{SphereChunk, Spheres};
 use super::turbid::slab;
 use super::view_passes::ViewPasses;
 use crate::diffuse::Diffuse;
@@ -41,6 +47,14 @@ pub struct Params {
     pub mean_transmittance: f32,
     /// Radiance of which sums count shares.
     pub white: f32,
+    /// Corner of the cells relative to the eye, m.
+    pub cells_first: [f32; 3],
+    /// Side of a cell, m.
+    pub cells_side: f32,
+    /// Cells along each axis.
+    pub cells_across: [u32; 3],
+    /// Padding.
+    pub pad: u32,
 }
 
 /// Threads of a workgroup.
@@ -49,29 +63,31 @@ const THREADS: u32 = 64;
 const PLACED: u64 = 32;
 const PROBE: u64 = 64;
 const SUMS: u64 = 16;
+/// Units of optical depth in a pixel's sums, and the least that lets nothing through: those of `diffuse/pixels.wgsl`.
+pub const DEPTH_UNITS: f32 = 16384.0;
+pub const OPAQUE_DEPTH: f32 = 5.99;
 /// Workgroups among which large spheres are divided.
 const LARGE_GROUPS: u32 = 512;
 
 /// The spheres of a frame on the device, and their sums.
 #[derive(Debug)]
 pub struct DiffuseImages {
-    /// Each as large as one binding allows.
-    chunks: Vec<Chunk>,
+    spheres: Spheres,
+    /// By chunk of the spheres.
+    seen: Vec<Seen>,
     /// By tile.
-    nearest: wgpu::Buffer,
     probes: wgpu::Buffer,
     /// By pixel, in the air and in the liquid.
     sums: [wgpu::Buffer; 2],
     opaque: wgpu::Buffer,
     size: UVec2,
-    uploaded: Arc<Diffuse>,
+    cells: Cells,
+    cell_sums: wgpu::Buffer,
 }
 
+/// Where the spheres of a chunk are seen.
 #[derive(Debug)]
-struct Chunk {
-    count: u32,
-    spheres: wgpu::Buffer,
-    traits: wgpu::Buffer,
+struct Seen {
     placed: wgpu::Buffer,
     large: wgpu::Buffer,
 }
@@ -82,10 +98,14 @@ pub struct DiffusePass {
     place: wgpu::ComputePipeline,
     around: wgpu::ComputePipeline,
     sums: [wgpu::ComputePipeline; 3],
-    /// Group 1 of placing and adding, by chunk, with its spheres.
-    chunks: Vec<(u32, wgpu::Buffer, [Bound; 2])>,
+    fill_cells: wgpu::ComputePipeline,
+    light_cells: wgpu::ComputePipeline,
+    /// Group 1 of placing, adding and filling cells, by chunk, with its spheres.
+    chunks: Vec<(u32, wgpu::Buffer, [Bound; 3])>,
     looks: Bound,
+    cells: Bound,
     tiles: u32,
+    cell_count: u32,
     cleared: Vec<wgpu::Buffer>,
     /// Work of a sphere, in layer evaluations.
     work: u64,
@@ -97,7 +117,8 @@ impl DiffuseImages {
     /// # Errors
     /// [`Error::Limit`] if the device cannot bind the sums of such a picture.
     pub fn new(gpu: &Gpu, diffuse: &Arc<Diffuse>, size: UVec2, kept: Option<Self>) -> Result<Self> {
-        let is_same = |kept: &Self| kept.size == size && Arc::ptr_eq(&kept.uploaded, diffuse);
+        let is_same =
+            |kept: &Self| kept.size == size && Arc::ptr_eq(&kept.spheres.diffuse, diffuse);
         if let Some(kept) = kept.filter(is_same) {
             return Ok(kept);
         }
@@ -108,51 +129,61 @@ impl DiffuseImages {
         }
         let tiles = u64::from(size.map(|n| n.div_ceil(TILE)).element_product());
         let most = (gpu.most_binding() / PLACED) as usize;
-        let range = |start: usize| start..(start + most).min(diffuse.len());
-        let chunks = (0..diffuse.len()).step_by(most);
+        let spheres = Spheres::new(gpu, diffuse, most);
+        let cells = Cells::new(diffuse, spheres.extent());
+        let seen = |count: u64| Seen {
+            placed: buffer(gpu, "placed spheres", PLACED * count),
+            large: buffer(gpu, "large spheres", 4 + 4 * count),
+        };
+        let seen = spheres.chunks.iter().map(|chunk| seen(chunk.count.into())).collect();
         let sum = |label| buffer(gpu, label, SUMS * pixels);
         Ok(Self {
-            chunks: chunks.map(|start| Chunk::new(gpu, diffuse, range(start))).collect(),
-            nearest: buffer(gpu, "nearest spheres", 4 * tiles),
+            spheres,
+            seen,
             probes: buffer(gpu, "light around spheres", PROBE * tiles),
             sums: [sum("spheres in the air"), sum("spheres in the liquid")],
             opaque: buffer(gpu, "opaque spheres", 8 * pixels),
             size,
-            uploaded: diffuse.clone(),
+            cells,
+            cell_sums: buffer(gpu, "cells of spheres", cells.bytes()),
         })
     }
 
-    /// Sums of the spheres in the air and in the liquid.
-    pub fn sums(&self) -> [wgpu::Buffer; 2] {
+    /// Sums of the spheres in the air and in the liquid, by pixel, and their cells.
+    pub fn sums(&self) -> [wgpu::Buffer; 3] {
+        let [above, inside] = self.sums.clone();
+        [above, inside, self.cell_sums.clone()]
+    }
+
+    /// Sums of the spheres in the air and in the liquid, by pixel.
+    pub fn pixel_sums(&self) -> [wgpu::Buffer; 2] {
         self.sums.clone()
+    }
+
+    /// Where the cells lie relative to an eye: their corner, m, their side, m, and how many lie along each axis.
+    pub fn placed_cells(&self, eye: DVec3) -> ([f32; 3], f32, [u32; 3]) {
+        let Cells { first, side, across } = self.cells;
+        ((first - eye).as_vec3().to_array(), side as f32, across.to_array())
+    }
+    /// The spheres.
+    pub fn spheres(&self) -> &Spheres {
+        &self.spheres
     }
 }
 
-impl Chunk {
-    fn new(gpu: &Gpu, diffuse: &Diffuse, range: std::ops::Range<usize>) -> Self {
-        let sphere = |i: usize| diffuse.positions[i].extend(diffuse.radii[i]);
-        let spheres: Vec<Vec4> = range.clone().map(sphere).collect();
-        let traits_of = |i: usize| {
-            let opacity = (diffuse.opacity(i) * 65535.0).round() as u32;
-            diffuse.kinds[i] as u32 | opacity << 2
-        };
-        let traits: Vec<u32> = range.clone().map(traits_of).collect();
-        let count = range.len() as u64;
-        Self {
-            count: range.len() as u32,
-            spheres: gpu.buffer_with("spheres", wgpu::BufferUsages::STORAGE, &spheres),
-            traits: gpu.buffer_with("traits", wgpu::BufferUsages::STORAGE, &traits),
-            placed: buffer(gpu, "placed spheres", PLACED * count),
-            large: buffer(gpu, "large spheres", 4 + 4 * count),
-        }
-    }
+/// Coverage of pixels with these sums, as `diffuse_of` in `refract/diffuse.wgsl`.
+pub fn covered(sums: &[[u32; 4]]) -> Vec<f32> {
+    let depths = sums.iter().map(|sums| sums[0] as f32 / DEPTH_UNITS);
+    depths.map(|depth| if depth >= OPAQUE_DEPTH { 1.0 } else { 1.0 - (-depth).exp() }).collect()
 }
 
 fn buffer(gpu: &Gpu, label: &str, size: u64) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size,
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        usage: wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     })
 }
@@ -160,8 +191,10 @@ fn buffer(gpu: &Gpu, label: &str, size: u64) -> wgpu::Buffer {
 impl Params {
     /// The parameters of spheres in a scene, whose liquid's particles have `radius`, m, seen by `camera`, whose origin is at
     /// `eye`.
-    pub fn new(scene: &Scene, diffuse: &Diffuse, eye: DVec3, radius: f32) -> Self {
+    pub fn new(scene: &Scene, images: &DiffuseImages, eye: DVec3, radius: f32) -> Self {
         let ior = scene.liquid.ior;
+        let diffuse = &images.spheres.diffuse;
+        let (cells_first, cells_side, cells_across) = images.placed_cells(eye);
         Self {
             origin: (diffuse.origin - eye).as_vec3().to_array(),
             radius,
@@ -172,6 +205,10 @@ impl Params {
             clear: u32::from(!scene.is_opaque()),
             mean_transmittance: slab::mean_transmittance(ior.into()) as f32,
             white: white(scene),
+            cells_first,
+            cells_side,
+            cells_across,
+            pad: 0,
         }
     }
 }
@@ -200,8 +237,9 @@ impl DiffusePass {
         let (aggregates, splashes) =
             (&eye.aggregate_layers().view, &splash.unwrap_or(eye.aggregate_layers()).view);
         let tiles = &eye.images.tiles;
-        let written = gpu::storage_read_write(4);
-        let bind_placing = |params: &wgpu::Buffer, chunk: &Chunk| {
+        let planes = eye.images.gbuffer.planes.create_view(&Default::default());
+        let cell_sums = &images.cell_sums;
+        let bind_placing = |params: &wgpu::Buffer, chunk: &SphereChunk, seen: &Seen| {
             let bindings = [
                 (gpu::uniform::<Params>(), params.as_entire_binding()),
                 (gpu.layers(), TextureView(aggregates)),
@@ -209,33 +247,46 @@ impl DiffusePass {
                 (gpu::storage::<Vec4>(), chunk.spheres.as_entire_binding()),
                 (gpu::storage_of(8), tiles.section(&tiles.liquid, 0)),
                 (gpu::storage::<u32>(), chunk.traits.as_entire_binding()),
-                (gpu::storage_read_write(PLACED), chunk.placed.as_entire_binding()),
-                (written, images.nearest.as_entire_binding()),
-                (gpu::storage_read_write(8), chunk.large.as_entire_binding()),
+                (gpu::storage_read_write(PLACED), seen.placed.as_entire_binding()),
+                (gpu::storage_read_write(PROBE), images.probes.as_entire_binding()),
+                (gpu::storage_read_write(8), seen.large.as_entire_binding()),
             ];
             gpu.bind("placed spheres", &bindings)
         };
-        let bind_adding = |params: &wgpu::Buffer, chunk: &Chunk| {
+        let bind_adding = |params: &wgpu::Buffer, seen: &Seen| {
             let [above, inside] = &images.sums;
             let bindings = [
                 (gpu::uniform::<Params>(), params.as_entire_binding()),
-                (gpu::storage_of(PLACED), chunk.placed.as_entire_binding()),
-                (gpu::storage::<u32>(), images.nearest.as_entire_binding()),
-                (gpu::storage_of(8), chunk.large.as_entire_binding()),
                 (gpu::storage_of(PROBE), images.probes.as_entire_binding()),
+                (gpu::storage_of(PLACED), seen.placed.as_entire_binding()),
+                (gpu::storage_of(8), seen.large.as_entire_binding()),
                 (gpu::storage_read_write(SUMS), above.as_entire_binding()),
                 (gpu::storage_read_write(SUMS), inside.as_entire_binding()),
                 (gpu::storage_read_write(8), images.opaque.as_entire_binding()),
+                (gpu::sampled(D2), TextureView(&planes)),
             ];
             gpu.bind("sums of spheres", &bindings)
         };
-        let of_chunk = |chunk: &Chunk| {
+        let bind_filling = |params: &wgpu::Buffer, chunk: &SphereChunk| {
+            let bindings = [
+                (gpu::uniform::<Params>(), params.as_entire_binding()),
+                (gpu::storage::<Vec4>(), chunk.spheres.as_entire_binding()),
+                (gpu::storage::<u32>(), chunk.traits.as_entire_binding()),
+                (gpu::storage_read_write(4), cell_sums.as_entire_binding()),
+            ];
+            gpu.bind("filled cells", &bindings)
+        };
+        let of_chunk = |(chunk, seen): (&SphereChunk, &Seen)| {
             let params = Params { count: chunk.count, ..params };
             let params = gpu.buffer_with("diffuse", gpu::UNIFORM, &[params]);
-            let bound = [bind_placing(&params, chunk), bind_adding(&params, chunk)];
-            (chunk.count, chunk.large.clone(), bound)
+            let bound = [
+                bind_placing(&params, chunk, seen),
+                bind_adding(&params, seen),
+                bind_filling(&params, chunk),
+            ];
+            (chunk.count, seen.large.clone(), bound)
         };
-        let chunks: Vec<_> = images.chunks.iter().map(of_chunk).collect();
+        let chunks: Vec<_> = images.spheres.chunks.iter().zip(&images.seen).map(of_chunk).collect();
         let uniform = gpu.buffer_with("diffuse", gpu::UNIFORM, &[params]);
         let looks = gpu.bind(
             "light around spheres",
@@ -243,9 +294,16 @@ impl DiffusePass {
                 (gpu::uniform::<Params>(), uniform.as_entire_binding()),
                 (gpu.layers(), TextureView(aggregates)),
                 (gpu.layers(), TextureView(splashes)),
-                (gpu::storage::<u32>(), images.nearest.as_entire_binding()),
-                (gpu::storage_of(8), tiles.section(&tiles.liquid, 0)),
                 (gpu::storage_read_write(PROBE), images.probes.as_entire_binding()),
+                (gpu::storage_of(8), tiles.section(&tiles.liquid, 0)),
+            ],
+        );
+        let cells = gpu.bind(
+            "lit cells",
+            &[
+                (gpu::uniform::<Params>(), uniform.as_entire_binding()),
+                (gpu::storage_of(PROBE), images.probes.as_entire_binding()),
+                (gpu::storage_read_write(16), cell_sums.as_entire_binding()),
             ],
         );
         // Radiance along one direction stands for many around it.
@@ -259,29 +317,36 @@ impl DiffusePass {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
             gpu.kernel(shader, Default::default(), entry, &layouts, constants)
         };
-        let [placing, adding] = &chunks[0].2;
+        let [placing, adding, filling] = &chunks[0].2;
         let (plain, looking) =
             (constants(&eye.scene.variant, &[]), constants(&filtered, &[splash]));
         let placed = constants(&eye.scene.variant, &[splash]);
-        let [place, around, small, cover, large] = gpu.pipelines([
+        let shown = ("SHOWN", f64::from(u8::from(eye.config().host)));
+        let added = constants(&eye.scene.variant, &[shown]);
+        let [place, around, small, cover, large, fill_cells, light_cells] = gpu.pipelines([
             kernel("diffuse/place.wgsl", "place", placing, &placed),
             kernel("diffuse/around.wgsl", "look_around", &looks, &looking),
-            kernel("diffuse/sums.wgsl", "add_small", adding, &plain),
-            kernel("diffuse/sums.wgsl", "cover", adding, &plain),
-            kernel("diffuse/sums.wgsl", "add_large", adding, &plain),
+            kernel("diffuse/sums.wgsl", "add_small", adding, &added),
+            kernel("diffuse/sums.wgsl", "cover", adding, &added),
+            kernel("diffuse/sums.wgsl", "add_large", adding, &added),
+            kernel("diffuse/fill_cells.wgsl", "fill_cells", filling, &eye.camera.constants()),
+            kernel("diffuse/cells.wgsl", "light_cells", &cells, &plain),
         ]);
-        let lights = if scene.is_lit() { scene.lights.len() } else { 0 };
-        let mut cleared = vec![images.nearest.clone(), images.opaque.clone()];
+        let mut cleared = [&images.probes, &images.opaque, cell_sums].map(Clone::clone).to_vec();
         cleared.extend(images.sums.clone());
         Self {
             place,
             around,
             sums: [small, cover, large],
+            fill_cells,
+            light_cells,
             chunks,
             looks,
+            cells,
+            cell_count: images.cells.count(),
             tiles: images.size.map(|n| n.div_ceil(TILE)).element_product(),
             cleared,
-            work: 16 + (solid_work * (1 + lights)) as u64,
+            work: 16 + (solid_work * (1 + scene.lights.len())) as u64,
         }
     }
 
@@ -305,10 +370,12 @@ impl DiffusePass {
             draw(&mut pass);
         };
         run(spheres * self.work, span.first(), &|pass| {
-            pass.set_pipeline(&self.place);
-            for (count, _, [placing, _]) in &self.chunks {
-                pass.set_bind_group(1, &placing.group, &[]);
-                gpu::dispatch(pass, count.div_ceil(THREADS));
+            for (pipeline, which) in [(&self.place, 0), (&self.fill_cells, 2)] {
+                pass.set_pipeline(pipeline);
+                for (count, _, bound) in &self.chunks {
+                    pass.set_bind_group(1, &bound[which].group, &[]);
+                    gpu::dispatch(pass, count.div_ceil(THREADS));
+                }
             }
         });
         let looks = u64::from(self.tiles * THREADS) * 12;
@@ -321,13 +388,16 @@ impl DiffusePass {
             let [small, cover, large] = &self.sums;
             for pipeline in [cover, small, large] {
                 pass.set_pipeline(pipeline);
-                for (count, _, [_, adding]) in &self.chunks {
+                for (count, _, [_, adding, _]) in &self.chunks {
                     pass.set_bind_group(1, &adding.group, &[]);
                     let is_small = std::ptr::eq(pipeline, small);
                     let groups = if is_small { count.div_ceil(THREADS) } else { LARGE_GROUPS };
                     gpu::dispatch(pass, groups);
                 }
             }
+            pass.set_pipeline(&self.light_cells);
+            pass.set_bind_group(1, &self.cells.group, &[]);
+            gpu::dispatch(pass, self.cell_count.div_ceil(THREADS));
         });
     }
 }

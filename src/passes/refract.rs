@@ -58,10 +58,18 @@ pub struct Params {
     pub diffuse_white: f32,
     /// Padding.
     pub pad: u32,
+    /// Corner of the cells of spheres relative to the eye, m.
+    pub cells_first: [f32; 3],
+    /// Side of a cell, m.
+    pub cells_side: f32,
+    /// Cells along each axis; 0 without spheres.
+    pub cells_across: [u32; 3],
+    /// Padding.
+    pub pad_cells: u32,
 }
 
 /// Group 1 of the passes over pixels: the names of `refract/bindings.wgsl`, in its order.
-pub const BINDINGS: [&str; 18] = [
+pub const BINDINGS: [&str; 19] = [
     "params",
     "aggregate_layers",
     "splash_layers",
@@ -80,6 +88,7 @@ pub const BINDINGS: [&str; 18] = [
     "slab_table",
     "diffuse_above",
     "diffuse_inside",
+    "cells",
 ];
 
 /// Bytes before a list of pixels: the number of them, of rays and of fallbacks.
@@ -218,7 +227,7 @@ impl Refract {
         let (params, planes) = (&params, &planes);
         let diffuse = diffuse.map_or_else(
             || {
-                [(); 2].map(|()| {
+                [(); 3].map(|()| {
                     gpu.buffer_with("no spheres", wgpu::BufferUsages::STORAGE, &[0u32; 4])
                 })
             },
@@ -347,8 +356,8 @@ struct Pixels<'a> {
     body: Option<&'a wgpu::TextureView>,
     /// Light around a turbid liquid, and the light of slabs.
     turbid: [&'a wgpu::TextureView; 2],
-    /// Sums of diffuse particles in the air and in the liquid.
-    diffuse: &'a [wgpu::Buffer; 2],
+    /// Sums of diffuse particles in the air and in the liquid, and their cells.
+    diffuse: &'a [wgpu::Buffer; 3],
 }
 
 impl Pixels<'_> {
@@ -360,7 +369,7 @@ impl Pixels<'_> {
         section: u32,
     ) -> Bound {
         let Self { gpu, variant, eye, params, planes, behind, body, turbid, diffuse } = self;
-        let ([light, table], [above, inside]) = (turbid, diffuse);
+        let ([light, table], [above, inside, cells]) = (turbid, diffuse);
         let gbuffer_surfaces = eye.images.gbuffer.surfaces.create_view(&Default::default());
         let mips = variant.mips();
         let view = |layers: &Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
@@ -387,6 +396,7 @@ impl Pixels<'_> {
             (read, TextureView(table)),
             (gpu::storage_of(16), above.as_entire_binding()),
             (gpu::storage_of(16), inside.as_entire_binding()),
+            (gpu::storage_of(16), cells.as_entire_binding()),
         ];
         gpu.bind("refract", &bindings)
     }
@@ -522,6 +532,10 @@ impl Params {
             radius,
             diffuse_white: 1.0,
             pad: 0,
+            cells_first: [0.0; 3],
+            cells_side: 1.0,
+            cells_across: [0; 3],
+            pad_cells: 0,
         }
     }
 

@@ -5,6 +5,7 @@ use glam::{DVec3, UVec2, Vec3};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::mesh_buffers::{MeshBuffers, MeshPlace};
+use super::sphere_shadows::{LightGridData, Shadows};
 use crate::environment::{Environment, Glow};
 use crate::gpu::{self, Gpu};
 use crate::light_view::CUBE;
@@ -90,6 +91,8 @@ pub struct LightData {
     pub map: u32,
     /// Padding.
     pub pad: [u32; 3],
+    /// Columns through foam, spray and bubbles.
+    pub spheres: LightGridData,
 }
 
 /// `LightView` of `common/lights.wgsl`.
@@ -146,6 +149,8 @@ pub struct SceneVariant {
     pub fades: bool,
     /// Whether patterns are filtered over a ray's footprint.
     pub filter_patterns: bool,
+    /// Whether there are foam, spray or bubbles.
+    pub spheres: bool,
 }
 
 impl SceneVariant {
@@ -180,10 +185,17 @@ impl SceneVariant {
             environment,
             fades,
             filter_patterns,
+            spheres: false,
         }
     }
 
-    pub fn constants(self) -> [(&'static str, f64); 10] {
+    /// The variant for a frame with foam, spray and bubbles, which are lit whether or not solids are.
+    #[must_use]
+    pub fn with_spheres(self, scene: &Scene) -> Self {
+        Self { spheres: true, lights: scene.lights.len() as u32, ..self }
+    }
+
+    pub fn constants(self) -> [(&'static str, f64); 11] {
         [
             ("SOLIDS", self.solids),
             ("MESHES", self.meshes),
@@ -195,6 +207,7 @@ impl SceneVariant {
             ("ENVIRONMENT", self.environment),
             ("FADES", self.fades.into()),
             ("FILTER_PATTERNS", self.filter_patterns.into()),
+            ("SPHERES", self.spheres.into()),
         ]
         .map(|(name, value)| (name, value.into()))
     }
@@ -213,6 +226,7 @@ pub struct SceneBinding {
     environment: Environment,
     maps: Option<LightMaps>,
     meshes: Option<(wgpu::TextureView, wgpu::Buffer)>,
+    sphere_depths: wgpu::Buffer,
 }
 
 /// The maps of a scene's lights: `common/lights.wgsl`.
@@ -237,6 +251,7 @@ impl SceneBinding {
             gpu.branching::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>(),
             gpu::sampled_integers(),
             gpu::storage::<u32>(),
+            gpu::storage::<u32>(),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
         let solids = gpu.uniform_buffer::<[SolidData; MAX_SOLIDS]>("solids");
@@ -246,19 +261,30 @@ impl SceneBinding {
         let environment = Environment::default();
         let buffers = [&solids, &lights, &light_views];
         let none = MeshBuffers::new(gpu);
-        let group = bind(gpu, &layout, buffers, &environment, None, &none);
+        let sphere_depths = gpu.buffer_with("no spheres", wgpu::BufferUsages::STORAGE, &[0u32]);
+        let group = bind(gpu, &layout, buffers, &environment, (None, &none, &sphere_depths));
         let variant = SceneVariant::default();
         let (maps, meshes) = (None, None);
-        Self { layout, group, variant, solids, lights, light_views, environment, maps, meshes }
+        Self {
+            layout,
+            group,
+            variant,
+            solids,
+            lights,
+            light_views,
+            environment,
+            maps,
+            meshes,
+            sphere_depths,
+        }
     }
 
     /// Uploads a scene's solids and lights relative to `eye`, the lights' views, and the environment if it
-    /// has changed; `meshes` are on the device.
+    /// has changed; meshes and the shadows of spheres are on the device.
     pub fn upload(
         &mut self,
         gpu: &Gpu,
-        scene: &Scene,
-        meshes: &MeshBuffers,
+        (scene, meshes, shadows): (&Scene, &MeshBuffers, Option<&Shadows>),
         eye: DVec3,
         views: &[PlacedView],
         maps: Option<&LightMaps>,
@@ -269,6 +295,9 @@ impl SceneBinding {
             .collect();
         solids.sort_by_key(|solid| solid.shape == MESH);
         let mut lights: Vec<_> = scene.lights.iter().map(|light| light_data(light, eye)).collect();
+        for (light, grid) in lights.iter_mut().zip(shadows.map_or(&[][..], Shadows::grids)) {
+            light.spheres = grid.data(eye);
+        }
         let mut light_views = vec![LightViewData::zeroed(); LIGHT_VIEWS * lights.len()];
         for placed in views {
             light_views[LIGHT_VIEWS * placed.light + placed.slot] = light_view_data(placed, eye);
@@ -281,16 +310,21 @@ impl SceneBinding {
         gpu.queue.write_buffer(&self.light_views, 0, bytemuck::cast_slice(&light_views));
         let mesh_buffers = Some((meshes.geometry.clone(), meshes.surfaces.clone()));
         let same_environment = self.environment == scene.environment;
-        if !same_environment || self.maps.as_ref() != maps || self.meshes != mesh_buffers {
+        let sphere_depths = shadows.map_or(&self.sphere_depths, |shadows| &shadows.depths).clone();
+        let same_buffers = self.meshes == mesh_buffers && self.sphere_depths == sphere_depths;
+        if !same_environment || self.maps.as_ref() != maps || !same_buffers {
             let environment = &scene.environment;
             let buffers = [&self.solids, &self.lights, &self.light_views];
-            self.group = bind(gpu, &self.layout, buffers, environment, maps, meshes);
+            let bound = (maps, meshes, &sphere_depths);
+            self.group = bind(gpu, &self.layout, buffers, environment, bound);
             self.environment = environment.clone();
             self.maps = maps.cloned();
             self.meshes = mesh_buffers;
+            self.sphere_depths = sphere_depths;
         }
         let straight_views = views.iter().any(|placed| placed.straight > 0);
-        self.variant = SceneVariant { straight_views, ..SceneVariant::new(scene) };
+        let variant = SceneVariant { straight_views, ..SceneVariant::new(scene) };
+        self.variant = if shadows.is_some() { variant.with_spheres(scene) } else { variant };
     }
 }
 
@@ -299,8 +333,7 @@ fn bind(
     layout: &wgpu::BindGroupLayout,
     [solids, lights, light_views]: [&wgpu::Buffer; 3],
     environment: &Environment,
-    light_maps: Option<&LightMaps>,
-    meshes: &MeshBuffers,
+    (light_maps, meshes, sphere_depths): (Option<&LightMaps>, &MeshBuffers, &wgpu::Buffer),
 ) -> wgpu::BindGroup {
     let one_pixel = [[0f32; 4]];
     let [zenith, horizon, nadir] = match *environment {
@@ -356,6 +389,7 @@ fn bind(
         light_views.as_entire_binding(),
         wgpu::BindingResource::TextureView(&meshes.geometry),
         meshes.surfaces.as_entire_binding(),
+        sphere_depths.as_entire_binding(),
     ];
     gpu.bind_group("scene", layout, &resources)
 }

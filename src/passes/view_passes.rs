@@ -14,6 +14,7 @@ use super::mesh_buffers::MeshBuffers;
 use super::mixture::{Mixture, MixtureImages, Shares};
 use super::scene_binding::{LightMaps, SceneBinding};
 use super::smooth::{self, Smooth, SmoothImages};
+use super::sphere_shadows::Shadows;
 use super::splat::{self, SplatImages, SplatPass};
 use super::splat_buffers::SplatBuffers;
 use super::tiles::{Sections, TileLists, Tiles};
@@ -74,6 +75,8 @@ pub struct FrameInputs<'a> {
     pub meshes: &'a MeshBuffers,
     /// Parameters of each smoothing iteration.
     pub fits: &'a [smooth::Params],
+    /// Shadows of foam, spray and bubbles.
+    pub shadows: Option<&'a Shadows>,
 }
 
 /// A view: its bindings, and the images of its passes.
@@ -309,7 +312,8 @@ impl ViewPasses {
         maps: Option<&LightMaps>,
     ) {
         self.camera.write(gpu, camera);
-        self.scene.upload(gpu, frame.scene, frame.meshes, eye, views, maps);
+        let FrameInputs { scene, meshes, shadows, .. } = frame;
+        self.scene.upload(gpu, (scene, meshes, shadows), eye, views, maps);
     }
 
     /// Prepares the passes of the view, which is uploaded before: allocates the lists of its splats, and compiles missing

@@ -8,7 +8,7 @@ use crate::lights::PreparedLight;
 use crate::liquid::blocks::Blocks;
 use crate::opaque_fluids::{self, PreparedOpaque};
 use crate::passes::color::Color;
-use crate::passes::diffuse::{self, DiffusePass};
+use crate::passes::diffuse::{self, DiffuseImages, DiffusePass};
 use crate::passes::gaps;
 use crate::passes::host::HostPass;
 use crate::passes::mesh_buffers::MeshBuffers;
@@ -16,6 +16,7 @@ use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::shade::Shade;
 use crate::passes::smooth;
+use crate::passes::sphere_shadows::Shadows;
 use crate::passes::surface::SurfacePass;
 use crate::passes::tiles::Sections;
 use crate::passes::turbid::Turbid;
@@ -92,7 +93,7 @@ impl<'a> PreparedFrame<'a> {
         let has_spheres = input.diffuse.is_some_and(|diffuse| !diffuse.is_empty());
         let variant = Variant { diffuse: has_spheres, ..variant };
         let starts_inside = view_range::may_start_inside(splats, blocks, &view, size);
-        let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
+        let lit = if scene.is_lit() || has_spheres { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
         let work = work.max(smooth::work(&settings.smooth));
         let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
@@ -151,9 +152,10 @@ impl<'a> PreparedFrame<'a> {
         &'b self,
         splat_set: &'b SplatSet,
         meshes: &'b MeshBuffers,
+        shadows: Option<&'b Shadows>,
     ) -> FrameInputs<'b> {
         let FrameInput { scene, splats, .. } = self.input;
-        FrameInputs { scene, splats, splat_set, meshes, fits: &self.fits }
+        FrameInputs { scene, splats, splat_set, meshes, fits: &self.fits, shadows }
     }
 
     /// The inputs of the lights.
@@ -161,15 +163,20 @@ impl<'a> PreparedFrame<'a> {
         &'b self,
         splat_set: &'b SplatSet,
         meshes: &'b MeshBuffers,
+        shadows: Option<&'b Shadows>,
     ) -> FrameInputs<'b> {
-        let inputs = self.inputs(splat_set, meshes);
+        let inputs = self.inputs(splat_set, meshes, shadows);
         FrameInputs { scene: self.light_scene.as_ref().unwrap_or(inputs.scene), ..inputs }
     }
 
-    pub(super) fn refract_params(&self) -> refract::Params {
+    pub(super) fn refract_params(&self, spheres: Option<&DiffuseImages>) -> refract::Params {
         let FrameInput { scene, splats, view, .. } = self.input;
         let mut params = refract::Params::new(scene, &scene.settings.refract, splats.radius);
-        params.diffuse_white = diffuse::white(scene);
+        if let Some(spheres) = spheres {
+            params.diffuse_white = diffuse::white(scene);
+            (params.cells_first, params.cells_side, params.cells_across) =
+                spheres.placed_cells(self.input.view.eye);
+        }
         let lit = scene.solids.iter().any(|solid| solid.lit);
         if self.starts_inside && !view.is_orthographic() && self.variant.absorption && lit {
             params.eye_depth = view_range::depth_below_surface(splats, self.uniform.origin);

@@ -11,7 +11,7 @@ use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
     Layers, bins, caustics, color, diffuse, gaps, host, opaque, refract, scene_binding, shade,
-    smooth, surface, tiles, tonemap, turbid,
+    smooth, sphere_shadows, surface, tiles, tonemap, turbid,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -50,6 +50,11 @@ impl Kind for glam::Vec3 {
     const KIND: ScalarKind = ScalarKind::Float;
 }
 
+/// Of its first field.
+impl Kind for sphere_shadows::LightGridData {
+    const KIND: ScalarKind = ScalarKind::Float;
+}
+
 impl<T: Kind, const N: usize> Kind for [T; N] {
     const KIND: ScalarKind = T::KIND;
 }
@@ -80,10 +85,13 @@ fn wgsl_struct(text: &str, name: &str) -> (Vec<Field>, usize) {
     let (members, span) = module.types.iter().find_map(find).expect("the struct is in the shader");
     let fields = members.into_iter().map(|member| {
         let inner = &module.types[member.ty].inner;
-        let element = match *inner {
+        let mut element = match *inner {
             TypeInner::Array { base, .. } => &module.types[base].inner,
             _ => inner,
         };
+        if let TypeInner::Struct { members, .. } = element {
+            element = &module.types[members[0].ty].inner;
+        }
         let scalar = match *element {
             TypeInner::Scalar(scalar)
             | TypeInner::Vector { scalar, .. }
@@ -155,7 +163,18 @@ fn camera_and_scene() -> Vec<Shared> {
         mesh,
         number,
     });
-    let light = rust_struct!(scene_binding::LightData { place, kind, power, straight, map, pad });
+    let light =
+        rust_struct!(scene_binding::LightData { place, kind, power, straight, map, pad, spheres });
+    let light_grid = rust_struct!(sphere_shadows::LightGridData {
+        right,
+        columns,
+        up,
+        first,
+        away,
+        near,
+        origin,
+        scale,
+    });
     let light_view = rust_struct!(scene_binding::LightViewData {
         right,
         half_width,
@@ -174,6 +193,7 @@ fn camera_and_scene() -> Vec<Shared> {
         (scene, "gbuffer.wgsl", "Scene"),
         (solid, "gbuffer.wgsl", "Solid"),
         (light, "gbuffer.wgsl", "Light"),
+        (light_grid, "gbuffer.wgsl", "LightGrid"),
         (light_view, "gbuffer.wgsl", "LightView"),
     ]
 }
@@ -201,6 +221,10 @@ fn passes() -> Vec<Shared> {
         radius,
         diffuse_white,
         pad,
+        cells_first,
+        cells_side,
+        cells_across,
+        pad_cells,
     });
     let structure = rust_struct!(refract::StructureParams { structure });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded, dither, first_row });
@@ -228,6 +252,7 @@ fn passes() -> Vec<Shared> {
         wet,
         first,
         corner,
+        number,
         pad,
     });
     let coloring = rust_struct!(color::Coloring { per_radius, low, per_range });
@@ -249,7 +274,12 @@ fn passes() -> Vec<Shared> {
         clear,
         mean_transmittance,
         white,
+        cells_first,
+        cells_side,
+        cells_across,
+        pad,
     });
+    let shadows = rust_struct!(sphere_shadows::ShadowParams { origin, count, lights, pad, grids });
     let turbid = rust_struct!(turbid::Params { absorption, radius, scattering, ior });
     let sections = rust_struct!(tiles::Sections { tiles, words, count });
     vec![
@@ -268,6 +298,7 @@ fn passes() -> Vec<Shared> {
         (shade, "shade/around.wgsl", "Params"),
         (turbid, "turbid/around.wgsl", "Params"),
         (diffuse, "diffuse/around.wgsl", "Params"),
+        (shadows, "sphere_shadows.wgsl", "ShadowParams"),
     ]
 }
 

@@ -47,7 +47,12 @@ impl ImageKind {
             Aov::Inside => Self::Length,
             Aov::Interfaces | Aov::Iterations | Aov::Failures => Self::Count,
             Aov::Motion => Self::Motion,
-            Aov::Radiance | Aov::Caustics | Aov::Coverage | Aov::Mask | Aov::Value => Self::Light,
+            Aov::Radiance
+            | Aov::Caustics
+            | Aov::Coverage
+            | Aov::Mask
+            | Aov::Diffuse
+            | Aov::Value => Self::Light,
         }
     }
 

@@ -93,7 +93,7 @@ impl Bench {
         let mut bound = SceneBinding::new(gpu);
         let mut meshes = MeshBuffers::new(gpu);
         meshes.prepare(gpu, scene)?;
-        bound.upload(gpu, scene, &meshes, view.origin, &[], None);
+        bound.upload(gpu, (scene, &meshes, None), view.origin, &[], None);
         let pair = |texels: &[Vec<[f32; 4]>; 2]| {
             Layers::of(upload(gpu, layers.size, &[&texels[0], &texels[1]]))
         };
@@ -388,7 +388,8 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     let mut commands = Commands::new(gpu, &mut encoder);
     let mut meshes = MeshBuffers::new(gpu);
     meshes.prepare(gpu, scene)?;
-    let frame = FrameInputs { scene, splats, splat_set: &liquid, meshes: &meshes, fits: &fits };
+    let (splat_set, meshes, shadows) = (&liquid, &meshes, None);
+    let frame = FrameInputs { scene, splats, splat_set, meshes, fits: &fits, shadows };
     surfaces.upload(gpu, frame, &uniform, view.origin, &[], None);
     let passes = surfaces.prepare(gpu, frame, &uniform, view.origin);
     let timer = &mut Timer::new(gpu, false, 0);

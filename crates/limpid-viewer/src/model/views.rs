@@ -95,6 +95,7 @@ impl View {
             Some(Aov::Motion) => "Motion",
             Some(Aov::Coverage) => "Coverage",
             Some(Aov::Mask) => "Masks of fluids",
+            Some(Aov::Diffuse) => "Foam",
             Some(Aov::Value) => "Value",
             Some(Aov::SmoothDepth) => "Smoothed depth",
             Some(Aov::SmoothNormal) => "Smoothed normal",
@@ -137,6 +138,7 @@ impl View {
             Aov::Normal | Aov::SmoothNormal => {
                 ("limpid".to_owned(), three(&format!("{aov}.{class}"), ["X", "Y", "Z"]))
             }
+            Aov::Diffuse => ("limpid".to_owned(), vec!["diffuse.coverage".to_owned()]),
             Aov::Radiance => ("limpid".to_owned(), three("radiance", ["R", "G", "B"])),
             Aov::Caustics => {
                 let channels = match layer % 2 {

@@ -1,0 +1,61 @@
+// Light that reaches a sphere.
+
+#import common/scene.wgsl
+#import diffuse/particles.wgsl
+
+@group(1) @binding(1) var<storage, read> probes: array<Probe>; // by tile
+
+const PI: f32 = 3.14159265;
+
+// Irradiance over pi around a pixel, on a surface of normal n: of the four tiles around it that have spheres.
+fn irradiance_at(pixel: vec2f, n: vec3f) -> vec3f {
+    let at = pixel / f32(TILE) - 0.5;
+    let first = floor(at);
+    let share = at - first;
+    let across = tiles_across(u32(camera.size.x));
+    let last = (vec2i(camera.size) - 1) / i32(TILE);
+    var light = vec3f(0.0);
+    var weight = 0.0;
+    for (var i = 0; i < 4; i++) {
+        let corner = vec2i(i & 1, i >> 1u);
+        let tile = vec2u(clamp(vec2i(first) + corner, vec2i(0), last));
+        let index = tile.y * across + tile.x;
+        let probe = probes[index];
+        if probe.nearest != 0u {
+            let part = mix(1.0 - share, share, vec2f(corner));
+            let own = max(part.x * part.y, 1e-4);
+            light += own * max(probe.mean + probe.x * n.x + probe.y * n.y + probe.z * n.z, vec3f(0.0));
+            weight += own;
+        }
+    }
+    return select(light / max(weight, 1e-4), scene.ambient, weight == 0.0);
+}
+
+// Share of the light that a Lambertian sphere reflects to an eye at this cosine from the light, over that which faces both
+// (E. Schoenberg 1929).
+fn phase(cosine: f32) -> f32 {
+    let angle = acos(clamp(cosine, -1.0, 1.0));
+    return 0.21220659 * (sin(angle) + (PI - angle) * cos(angle));
+}
+
+// Part of the optical depth of spheres that takes light away, as they scatter some of it on: the diffusion exponent (H. C. van
+// de Hulst, Multiple Light Scattering, 1980). A Lambertian sphere's mean cosine is -4/9.
+fn taken_by_spheres(albedo: vec3f) -> vec3f {
+    return sqrt(min(3.0 * (1.0 - albedo) * (1.0 + 0.44444444 * albedo), vec3f(1.0)));
+}
+
+// Irradiance over pi, of light number i, that neither solids nor the liquid block.
+fn direct_light(i: u32, x: vec3f, radius: f32, to_light: ToLight, albedo: vec3f) -> vec3f {
+    let start = x + radius * to_light.direction;
+    if scene_blocks(start, to_light.direction, to_light.distance - radius) {
+        return vec3f(0.0);
+    }
+    let sun = lights[i].kind == SUN;
+    let straight = VIEWS * i + select(0u, min(lights[i].straight, 1u), STRAIGHT_VIEWS);
+    // Beside the surface that it floats on.
+    let dry = dry_share(straight, sun, x + params.radius * to_light.direction);
+    let through = params.mean_transmittance;
+    // A sphere does not shade itself.
+    let left = passed_by_spheres(i, start, 1.0, taken_by_spheres(albedo));
+    return left * mix(through, 1.0, dry) * lights[i].power / (to_light.distance2 * PI);
+}
