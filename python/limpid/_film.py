@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import threading
 import weakref
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from dataclasses import replace
 from itertools import chain, repeat
 from typing import Any
@@ -72,6 +72,7 @@ class Film(Closing, Iterator[Picture]):
             self._legend, self._title = True, legend
         self._done = 0
         self._settled = False
+        self._complete = False
         self._busy = threading.Lock()
         self._count: int | None = None
         given = {name: values for name, values in given.items() if values is not None}
@@ -80,7 +81,7 @@ class Film(Closing, Iterator[Picture]):
         if camera is None or isinstance(camera, Camera):
             self._request = replace(request, camera=camera)
         else:
-            self._own["camera"] = _each("camera", camera)
+            self._own["camera"] = _each("camera", camera, "one Camera, or a list")
         self._frames: _limpid.Frames | None = None
         self._particles: Iterator[Any] = iter(())
         # Whether one frame is seen by several cameras.
@@ -132,8 +133,8 @@ class Film(Closing, Iterator[Picture]):
             self._particles = repeat(source)
             self._request = replace(self._request, **given)
             return None
-        self._own.update({name: _each(name, values) for name, values in given.items()})
         self._count = len(source) if isinstance(source, Sized) else None
+        self._own.update({name: _each_frame(name, values, self._count) for name, values in given.items()})
         self._numbers = source.numbers if isinstance(source, Frames) else None
         try:
             self._particles = iter(source)
@@ -183,6 +184,7 @@ class Film(Closing, Iterator[Picture]):
             except StopIteration:
                 self._file = None
                 file.finish()
+                self._complete = True
                 raise
             except BaseException:
                 self.close()
@@ -206,7 +208,16 @@ class Film(Closing, Iterator[Picture]):
             self.close()
 
     def __repr__(self) -> str:
-        state = "complete" if self._file is None else f"{self._done} of {self._count or 'some'} pictures drawn"
+        total = "pictures" if self._count is None else f"{self._count} pictures"
+        if self._complete:
+            state = f"{self._done} pictures, complete"
+        elif self._file is None:
+            state = "closed"
+        elif self._done == 0:
+            # Notebooks write this beside the film, before they have it drawn.
+            state = total
+        else:
+            state = f"{self._done} of {total} drawn"
         return f"<limpid.Film {self.path!r}, {state}>"
 
     def _repr_html_(self) -> str:
@@ -316,13 +327,28 @@ class _Pictures:
         """Each picture is whole: they stay."""
 
 
-def _each(name: str, values: Any) -> Iterator[Any]:
+def _each(name: str, values: Any, expected: str) -> Iterator[Any]:
     """One of the values for each picture."""
     try:
         return iter(values)
     except TypeError:
-        expected = "one Camera, or a list" if name == "camera" else "one array for each frame"
         raise ValueError(f"{name} is {values!r}; expected {expected}") from None
+
+
+def _each_frame(name: str, values: Any, frames: int | None) -> Iterator[Any]:
+    """The array of each frame, of so many if that is known."""
+    expected = "one array for each frame"
+    if isinstance(values, Mapping):
+        raise ValueError(f"{name} is one mapping; expected one for each frame, as [{{...}}, ...]")
+    shape = tuple(getattr(values, "shape", ()))
+    # Velocities, colours and places are vectors.
+    least = 3 if name in ("velocities", "diffuse", "colors") else 2
+    if 0 < len(shape) < least:
+        raise ValueError(f"{name} has the shape {shape}; expected {expected}, as [{name}, ...]")
+    if frames is not None and isinstance(values, Sized) and len(values) != frames:
+        turned = f", as {name}.swapaxes(0, 1)" if shape[1:2] == (frames,) else ""
+        raise ValueError(f"{name} has {len(values)} entries for {frames} frames; expected {expected}{turned}")
+    return _each(name, values, expected)
 
 
 def _camera(camera: Any) -> Camera:

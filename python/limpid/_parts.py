@@ -87,14 +87,13 @@ class Arrays:
             raise ValueError(
                 f"{label}.vertices: row {row} is {vertices[row].tolist()}; expected finite numbers below 1e18"
             )
-        faces = np.array(integers(f"{label}.faces", mesh.faces, ("f", 3)))
+        faces = _faces(f"{label}.faces", mesh.faces)
         coordinates = None
         if mesh.coordinates is not None:
-            coordinates = numbers("coordinates", mesh.coordinates, ("v", 2)).astype(np.float32)
+            name = f"{label}.coordinates"
+            coordinates = numbers(name, mesh.coordinates, ("v", 2)).astype(np.float32)
             if len(coordinates) != len(vertices):
-                raise ValueError(
-                    f"coordinates has {len(coordinates)} rows for {len(vertices)} vertices"
-                )
+                raise ValueError(f"{name} has {len(coordinates)} rows for {len(vertices)} vertices; expected as many")
         name = self._new("mesh-array", label, self.meshes)
         for array in (vertices, faces, coordinates):
             if array is not None:
@@ -183,6 +182,10 @@ def environment_of(table: Table | None, pixels: npt.NDArray[np.float32] | None) 
 
 
 def solid_table(label: str, solid: Any, arrays: Arrays) -> Table:
+    if isinstance(solid, Mesh) and solid.vertices is None and _is_array(solid.file):
+        # As other packages take them.
+        vertices: Any = solid.file
+        solid = replace(solid, file=None, vertices=vertices)
     is_path = isinstance(solid, Mesh) and isinstance(solid.file, (str, os.PathLike, type(None)))
     if isinstance(solid, Mesh) and not is_path and solid.vertices is None:
         vertices, faces = _triangles(f"{label}.file", solid.file)
@@ -224,6 +227,24 @@ def solid_of(table: Table, arrays: Arrays) -> Solid:
         given["texture"] = texture_of(given["texture"], arrays)
     solid: Solid = _SHAPES[given.pop("shape")](**given)
     return solid
+
+
+def _is_array(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) or hasattr(value, "ndim")
+
+
+def _faces(label: str, faces: Any) -> npt.NDArray[np.int64]:
+    """The triangles of a mesh."""
+    try:
+        return np.array(integers(label, faces, ("f", 3)))
+    except ValueError as error:
+        found = np.asarray(faces) if _is_array(faces) else np.empty(0)
+        expected = "expected rows of vertices, three for each triangle, of shape (f, 3)"
+        if found.ndim == 1 and found.size and found.size % 4 == 0 and (found[::4] == 3).all():
+            expected += ", as faces.reshape(-1, 4)[:, 1:]"
+        elif found.dtype.kind == "f":
+            expected += "; a Mesh takes vertices before faces"
+        raise ValueError(f"{str(error).partition(';')[0]}; {expected}") from None
 
 
 def _triangles(label: str, mesh: Any) -> tuple[Any, Any]:

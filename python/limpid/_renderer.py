@@ -7,7 +7,7 @@ import inspect
 import os
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,9 @@ from ._limpid import Camera
 from ._particles import Particles
 from ._picture import Aov, Picture
 from ._world import PathLike, Up
+
+#: Foam, spray, bubbles and dust of one frame.
+Diffuse = Union[Mapping[str, Any], npt.ArrayLike]
 
 
 class Renderer(Closing):
@@ -71,7 +74,7 @@ class Renderer(Closing):
         velocities: npt.ArrayLike | None = None,
         ids: npt.ArrayLike | None = None,
         ellipsoids: npt.ArrayLike | None = None,
-        diffuse: Mapping[str, Any] | npt.ArrayLike | None = None,
+        diffuse: Diffuse | None = None,
         colors: npt.ArrayLike | None = None,
         values: npt.ArrayLike | str | None = None,
         colormap: str | None = None,
@@ -222,6 +225,7 @@ class Renderer(Closing):
         *,
         radius: npt.ArrayLike | None = None,
         ellipsoids: npt.ArrayLike | None = None,
+        diffuse: Diffuse | None = None,
         colors: npt.ArrayLike | None = None,
         values: npt.ArrayLike | None = None,
         colormap: str | None = None,
@@ -271,6 +275,7 @@ class Renderer(Closing):
         request = Request(
             radius=radius,
             ellipsoids=ellipsoids,
+            diffuse=diffuse,
             colors=colors,
             values=values,
             colormap=colormap,
@@ -296,6 +301,7 @@ class Renderer(Closing):
         fps: float | None = None,
         radius: npt.ArrayLike | None = None,
         velocities: Iterable[npt.ArrayLike] | None = None,
+        diffuse: Iterable[Diffuse | None] | None = None,
         colors: Iterable[npt.ArrayLike] | None = None,
         values: Iterable[npt.ArrayLike] | str | None = None,
         colormap: str | None = None,
@@ -336,6 +342,8 @@ class Renderer(Closing):
         velocities, colors, values : iterable of arrays, optional
             For each frame an array as for `render`, if frames are positions. `values` may be the name of an attribute
             of files.
+        diffuse : iterable of mappings or arrays, optional
+            For each frame its foam, spray, bubbles and dust as for `render`, or ``None``; files have their own.
         camera : Camera or iterable of Camera, optional
             One for all pictures, or one for each. Scene and camera that are made to fit are those of
             the first frame with particles, and for files of the whole sequence.
@@ -376,7 +384,7 @@ class Renderer(Closing):
             path,
             request,
             camera=camera,
-            given={"velocities": velocities, "colors": colors, "values": values},
+            given={"velocities": velocities, "diffuse": diffuse, "colors": colors, "values": values},
             fps=fps,
             legend=legend,
             progress=progress_of(progress),

@@ -160,11 +160,11 @@ class Mesh(_Solid):
     ----------
     file : path or mesh, optional
         A glTF, OBJ, PLY or STL file; a pattern as ``pump_####.obj`` has a mesh for each frame. Or an
-        object with `vertices` and `faces` or `triangles`, or a PyVista mesh, whose arrays are taken.
-    vertices : (v, 3) array of floats, optional
-        Corners of the triangles, m, instead of a file.
+        object with `vertices` and `faces` or `triangles`, or a PyVista mesh, whose arrays are taken; or `vertices`.
     faces : (f, 3) array of integers, optional
         Rows of `vertices`, counterclockwise as seen from outside.
+    vertices : (v, 3) array of floats, optional
+        Corners of the triangles, m, instead of a file.
     coordinates : (v, 2) array of floats, optional
         Texture coordinates of the vertices.
     normals : str, optional
@@ -182,8 +182,8 @@ class Mesh(_Solid):
     """
 
     file: PathLike | Any = None
+    faces: npt.ArrayLike | None = None
     vertices: npt.ArrayLike | None = field(default=None, kw_only=True)
-    faces: npt.ArrayLike | None = field(default=None, kw_only=True)
     coordinates: npt.ArrayLike | None = field(default=None, kw_only=True)
     normals: str | None = field(default=None, kw_only=True)
     translate: Vector | None = field(default=None, kw_only=True)

@@ -150,9 +150,18 @@ def test_what_cannot_be_filmed_is_told_before_drawing(renderer, frames, tmp_path
         renderer.film(frames, tmp_path / "a.png", size=SMALL)
     with pytest.raises(FileNotFoundError):
         renderer.film(frames, tmp_path / "no" / "####.png", size=SMALL)
-    short = renderer.film(frames, tmp_path / "a.gif", values=[np.zeros(len(frames[0]))], size=SMALL)
+    short = renderer.film(iter(frames), tmp_path / "a.gif", values=[np.zeros(len(frames[0]))], size=SMALL)
     with pytest.raises(ValueError, match="values has 1 entries"):
         short.run()
+    few = np.zeros((4, len(frames[0])))
+    for wrong, problem in (
+        (dict(values=few.T), f"values has {len(few.T)} entries for 4 frames; .*, as values.swapaxes"),
+        (dict(values=few[0]), r"values has the shape \(.*; expected one array for each frame, as \[values, ...\]"),
+        (dict(velocities=frames[0]), "velocities has the shape .* expected one array for each frame"),
+        (dict(colors=frames[:3]), "colors has 3 entries for 4 frames; expected one array for each frame$"),
+    ):
+        with pytest.raises(ValueError, match=problem):
+            renderer.film(frames, tmp_path / "a.gif", size=SMALL, **wrong)
     with pytest.raises(ValueError, match="without pictures"):
         list(renderer.film([], tmp_path / "a.gif", size=SMALL))
     assert list(tmp_path.iterdir()) == []
@@ -209,7 +218,9 @@ def test_several_cameras_see_one_frame(renderer, frames, tmp_path):
 def test_notebooks_play_films(renderer, frames, tmp_path):
     keywords = dict(radius=0.05, size=SMALL)
     film = renderer.film(frames, tmp_path / "a.gif", **keywords)
+    assert "4 pictures" in repr(film) and "0 of" not in repr(film), "notebooks write it beside the finished film"
     next(film)
+    assert "1 of 4 pictures drawn" in repr(film)
     shown = film._repr_html_()
     assert shown.startswith('<img src="data:image/gif;base64,') and "complete" in repr(film)
     assert shown == film._repr_html_(), "drawn once"
@@ -223,6 +234,7 @@ def test_notebooks_play_films(renderer, frames, tmp_path):
     assert not os.path.exists(folder), "nothing is left of a film without a path"
     closed = renderer.film(frames, tmp_path / "b.gif", **keywords)
     closed.close()
+    assert "closed" in repr(closed) and "complete" not in repr(closed)
     assert "data:" not in closed._repr_html_()
     assert "4 pictures" in renderer.film(frames, tmp_path / "####.png", **keywords)._repr_html_()
 

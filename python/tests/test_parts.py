@@ -275,6 +275,24 @@ def test_meshes_of_other_packages_are_meshes(kind):
         limpid.Scene(solids=[limpid.Mesh(object())])
 
 
+def test_meshes_take_vertices_and_faces_in_this_order():
+    assert limpid.Scene(solids=[limpid.Mesh(CUBE, FACES)]) == limpid.Scene(
+        solids=[limpid.Mesh(vertices=CUBE, faces=FACES)]
+    )
+    # As PyVista writes triangles.
+    counted = np.insert(np.array(FACES), 0, 3, axis=1).ravel()
+    for mesh, problem in (
+        (limpid.Mesh(FACES, np.array(CUBE, float)), r"faces has the dtype float64; .*vertices before faces"),
+        (limpid.Mesh(CUBE, np.zeros((6, 4), int)), r"faces has the shape \(6, 4\); .*three for each triangle.*\(f, 3\)$"),
+        (limpid.Mesh(CUBE, counted), r"faces has the shape \(48,\); .*, as faces.reshape\(-1, 4\)\[:, 1:\]"),
+        (limpid.Mesh(np.array(CUBE).T, FACES), r"vertices has the shape \(3, 8\); expected \(v, 3\)"),
+        (limpid.Mesh(CUBE), "a Mesh takes vertices and faces together"),
+        (limpid.Mesh(CUBE, FACES, coordinates=[(0, 0)]), "coordinates has 1 rows for 8 vertices; expected as many"),
+    ):
+        with pytest.raises(ValueError, match=rf"solids\[0\].*{problem}"):
+            limpid.Scene(solids=[mesh])
+
+
 def test_meshes_of_pyvista_are_meshes():
     pyvista = pytest.importorskip("pyvista")
     for shape in (pyvista.Cube(), pyvista.Cube().triangulate(), pyvista.Cube().cast_to_unstructured_grid()):

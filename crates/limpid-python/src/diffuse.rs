@@ -22,7 +22,7 @@ pub(crate) struct DiffuseArrays<'py> {
 }
 
 /// Diffuse particles whose radii may be those that the liquid suggests.
-#[derive(Clone)]
+#[derive(Clone, PartialEq)]
 pub(crate) struct Given {
     pub(crate) diffuse: Diffuse,
     pub(crate) has_radii: bool,

@@ -9,6 +9,7 @@ use limpid_io::color_by::ColorBy;
 use limpid_io::input::Loaded;
 use limpid_io::project::Project;
 
+use crate::diffuse::Given;
 use crate::frames::Setting;
 
 /// Everything that a loaded frame follows from.
@@ -19,6 +20,7 @@ pub(crate) struct Cause {
     frame: i64,
     radius: Option<f32>,
     has_velocities: bool,
+    diffuse: Option<Given>,
     color_by: Option<ColorBy>,
     project: Project,
     up: Up,
@@ -32,8 +34,9 @@ impl Cause {
         color_by: Option<ColorBy>,
     ) -> Self {
         let Setting { radius, motion: has_velocities, .. } = *setting;
+        let diffuse = setting.diffuse.clone();
         let (project, up) = Default::default();
-        Self { particles, frame, radius, has_velocities, color_by, project, up }
+        Self { particles, frame, radius, has_velocities, diffuse, color_by, project, up }
     }
 
     /// With the scene that is drawn, without its settings of pictures alone.

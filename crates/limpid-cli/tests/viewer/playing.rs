@@ -15,7 +15,7 @@ use limpid_viewer::{Options, Viewer};
 
 use serde_json::Value;
 
-use super::{harness, sequence, shown, until};
+use super::{harness, sequence, shell, shown, until};
 
 /// Keys control playback and switch the view modes, which show their legends.
 #[test]
@@ -207,6 +207,29 @@ fn simulation_runs_during_playback() {
     drop(harness);
     let harness = self::harness(source, [700.0, 400.0]);
     assert_eq!((harness.state().playback().count(), made(7)), (7, before));
+}
+
+/// A simulation that opens with a single frame, and is late with the next, plays once that is made.
+#[test]
+fn simulation_with_one_frame_waits_for_the_next() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("drip.toml");
+    let text = "[simulation]\nframes = 3\nradius = 0.015\n\
+                bounds = { min = [-1.0, 0.0, -1.0], max = [1.0, inf, 1.0] }\n\
+                [[simulation.block]]\nmin = [-0.3, 0.1, -0.3]\nmax = [0.3, 0.6, 0.3]\n";
+    std::fs::write(&path, text).expect("it is written");
+    shell("limpid bake drip.toml", folder.path());
+    // The one before it and the one after it are made again.
+    let frame =
+        |number| limpid_io::bake::frame_path(&limpid_io::bake::folder(&path), "drip", number);
+    for number in [1, 3] {
+        std::fs::remove_file(frame(number)).expect("a frame");
+    }
+    let mut harness = harness(Source::new(path.display().to_string()), [700.0, 400.0]);
+    assert!(!frame(1).exists(), "it is made too fast to say anything");
+    assert_eq!(harness.state().playback().count(), 1);
+    until(&mut harness, "all frames", |viewer| viewer.playback().count() == 3);
+    assert!(harness.state().playback().playing);
 }
 
 /// Selected frames of a simulated scene are opened as soon as they exist, also if they are the last

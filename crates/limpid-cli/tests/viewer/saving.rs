@@ -1,13 +1,16 @@
 //! Saving: nothing is overwritten without a question, under a path that is seen, at a size that is chosen.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::BufReader;
 use std::path::Path;
 
 use eframe::egui::accesskit::Role;
 use eframe::egui::{Key, Modifiers};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use image::GenericImageView as _;
+use glam::UVec2;
+use image::codecs::png::PngDecoder;
+use image::{AnimationDecoder as _, Frame, GenericImageView as _, RgbaImage};
 use limpid_io::adjustments::{Adjustments, Floor};
 use limpid_viewer::Viewer;
 use limpid_viewer::model::document::Source;
@@ -115,6 +118,43 @@ fn sizes_keep_their_ratio_and_backgrounds_may_be_left_out() {
     assert_eq!(picture.dimensions(), (96, 54));
     let alphas: Vec<u8> = picture.to_rgba8().pixels().map(|pixel| pixel.0[3]).collect();
     assert!(alphas.contains(&0) && alphas.contains(&255), "no background is left out");
+}
+
+/// A film has the pictures between the marks of the timeline, as the film of all has them, and the dialog says so.
+#[test]
+fn films_are_between_the_marks() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut harness = harness(sequence(), [900.0, 600.0]);
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    let film = |harness: &mut Harness<'static, Viewer>, name: &str| {
+        let path = folder.path().join(name);
+        harness.state_mut().save_film(path.clone(), UVec2::new(96, 64), 1);
+        let is_saved = |viewer: &Viewer| {
+            viewer.notices().iter().any(|n| n.text.starts_with("saved") && n.text.ends_with(name))
+        };
+        until(harness, "it is saved", is_saved);
+        pictures(&path)
+    };
+    let all = film(&mut harness, "all.apng");
+    for key in [Key::ArrowRight, Key::I, Key::End, Key::ArrowLeft, Key::O] {
+        harness.key_press(key);
+        harness.step();
+    }
+    assert_eq!(harness.state().playback().marked(), Some([1, 3]));
+    let marked = film(&mut harness, "marked.apng");
+    assert_eq!((all.len(), marked.len()), (5, 3));
+    assert!(all[0] != all[1], "the pictures are alike");
+    assert!(marked[..] == all[1..4], "other pictures than those between the marks");
+    open_dialog(&mut harness, Key::M);
+    harness.get_by_label("3 frames between the marks, 0.10 s at 30 frames per second");
+}
+
+/// The pictures of a film.
+fn pictures(path: &Path) -> Vec<RgbaImage> {
+    let file = BufReader::new(File::open(path).expect("a film"));
+    let film = PngDecoder::new(file).expect("a film").apng().expect("a film");
+    let frames = film.into_frames().collect_frames().expect("pictures");
+    frames.into_iter().map(Frame::into_buffer).collect()
 }
 
 /// The dialog of films tells frames, length and rate; the progress tells the time that is left.

@@ -16,7 +16,7 @@ use limpid_io::error::{Error, Result};
 use limpid_io::film::{self, Motion, Shot};
 
 impl Viewer {
-    /// Draws all frame times from the camera or along its path, with the edited settings, and writes them as a film
+    /// Draws all frame times between the marks from the camera or along its path, with the edited settings, and writes them as a film
     /// at the speed of playback, in the background. The extension selects the format.
     pub fn save_film(&mut self, path: PathBuf, size: UVec2, samples: u32) {
         let Some(document) = self.opened.document.clone() else { return };
@@ -42,7 +42,9 @@ impl Viewer {
             Ok(shots) => {
                 let (frames, fps) = (shots.len(), self.stage.playback.fps);
                 let seconds = frames as f64 / fps;
-                format!("{frames} frames, {seconds:.2} s at {} frames per second", decimals(fps))
+                let which = self.stage.playback.marked().map_or("", |_| " between the marks");
+                let rate = decimals(fps);
+                format!("{frames} frames{which}, {seconds:.2} s at {rate} frames per second")
             }
             Err(error) => error.to_string(),
         }
@@ -54,12 +56,14 @@ impl Viewer {
             true => Motion::Path(self.stage.eye.path.clone()),
             false => Motion::Still,
         };
-        let [first, last] = self.stage.playback.span().map(|i| i as i64);
-        let numbers: Vec<i64> = (first..=last).collect();
-        let fps = self.stage.playback.fps;
-        let stride = self.stage.playback.speed().stride();
-        let shots = film::shots(&numbers, self.stage.eye.camera, &motion, fps)?;
-        let shots: Vec<Shot> = shots.into_iter().step_by(stride).collect();
+        let playback = &self.stage.playback;
+        let numbers: Vec<i64> = (0..playback.count().max(1) as i64).collect();
+        let mut shots = film::shots(&numbers, self.stage.eye.camera, &motion, playback.fps)?;
+        if let Some([first, last]) = playback.marked() {
+            // The camera is where it is between the marks, too.
+            shots = shots.drain(first..=last).collect();
+        }
+        let shots: Vec<Shot> = shots.into_iter().step_by(playback.speed().stride()).collect();
         if shots.len() < 2 {
             let problem = "not saved: a film needs several frames, or a camera path to follow";
             return Err(Error::Usage(problem.into()));

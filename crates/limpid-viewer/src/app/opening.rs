@@ -80,6 +80,10 @@ impl Viewer {
             Ok(document) => {
                 opening.opened = true;
                 let replaces = opening.replaces;
+                // Its first report may come much later than this frame of the interface, in which playback would end.
+                if opening.progress.is_none() {
+                    opening.progress = progress_of(&document);
+                }
                 self.opened.before = None;
                 match replaces {
                     true => self.reopened(document),
@@ -395,6 +399,13 @@ impl Viewer {
             self.show_info(notice.to_string());
         }
     }
+}
+
+/// The progress of a document's simulation by the frames that it has; `None` if there are none to make.
+fn progress_of(document: &Document) -> Option<Progress> {
+    let frames = document.project.source.simulation()?.frames;
+    let done = document.numbers.len() as u32;
+    (done < frames).then_some(Progress { done, frames, again: false })
 }
 
 /// The scene `after`, with all that was edited since `before`, except for edits of the liquid if it is another one.
