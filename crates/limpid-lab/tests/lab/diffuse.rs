@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
 
-use limpid::aov::Part;
+use limpid::aov::{Aov, Part};
 use limpid::camera::Camera;
 use limpid::diffuse::{Diffuse, DiffuseKind};
 use limpid::environment::Environment;
@@ -364,6 +364,31 @@ fn lights_reach_spheres_without_lit_solids() {
         let ratio = image.sum("G") / image.sum("A") / (3.0 / PI * 2.0 / 3.0);
         assert!((ratio - 1.0).abs() < 0.04, "{pixels} pixels: {ratio}");
     }
+}
+
+/// The image `diffuse` has the coverage that the picture has as alpha, divided into air and liquid.
+#[test]
+fn the_image_of_foam_is_its_coverage() {
+    let Some(gpu) = gpu() else { return };
+    let places = vec![Vec3::ZERO, Vec3::new(0.3, 0.1, 0.0), Vec3::new(-0.2, 0.0, 0.5)];
+    let foam = Diffuse { radii: vec![0.2, 0.003, 0.05], ..Diffuse::from_positions(places, 0.1) };
+    let foam = Arc::new(foam);
+    let (scene, camera, splats) = (alone(), camera(), no_liquid());
+    let mut offscreen = Offscreen::new(&gpu);
+    let input = FrameInput::new(&scene, &camera, &splats, SIZE);
+    offscreen.draw(FrameInput { diffuse: Some(&foam), ..input }).expect("the frame is drawn");
+    let picture = Image(offscreen.radiance().expect("the picture is read"));
+    let parts = offscreen.images(&[Aov::Diffuse]).expect("the image is read");
+    let [part] = parts.try_into().expect("one part");
+    let image = Image(part);
+    let differs = |channel: &str| {
+        let pairs = image.channel(channel).iter().zip(picture.channel("A"));
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    assert!(differs("diffuse.coverage") < 1e-5 && differs("diffuse.air") < 1e-5);
+    assert_eq!(image.sum("diffuse.liquid"), 0.0);
+    offscreen.draw(input).expect("the frame is drawn");
+    assert_eq!(offscreen.images(&[Aov::Diffuse]).expect("nothing is read"), []);
 }
 
 /// A renderer that reuses passes draws foam that comes, changes and goes.
