@@ -123,19 +123,16 @@ fn add_small(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     let disparity = camera_disparity(sphere.position);
     let first = vec2i(floor(sphere.pixel - radius - 0.5));
     let last = vec2i(floor(sphere.pixel + radius + 0.5));
-    for (var j = 0; j < ACROSS; j++) {
-        for (var i = 0; i < ACROSS; i++) {
-            let pixel = first + vec2i(i, j);
-            if all(pixel <= last) {
-                let offset = vec2f(pixel) + 0.5 - sphere.pixel;
-                let covered = select(
-                    covered_by_disc(length(offset), radius),
-                    covered_by_square(offset, radius),
-                    radius < SQUARE,
-                );
-                add(sphere, pixel, opacity * covered, radiance, disparity);
-            }
-        }
+    let across = min(last - first + 1, vec2i(ACROSS));
+    for (var i = 0; i < across.x * across.y; i++) {
+        let pixel = first + vec2i(i % across.x, i / across.x);
+        let offset = vec2f(pixel) + 0.5 - sphere.pixel;
+        let covered = select(
+            covered_by_disc(length(offset), radius),
+            covered_by_square(offset, radius),
+            radius < SQUARE,
+        );
+        add(sphere, pixel, opacity * covered, radiance, disparity);
     }
 }
 

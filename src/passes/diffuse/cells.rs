@@ -5,8 +5,8 @@ use glam::{DVec3, UVec3};
 use crate::diffuse::Diffuse;
 
 /// Most cells, and most along an axis.
-const MOST: u32 = 1 << 20;
-const LONGEST: u32 = 256;
+const MOST: u32 = 1 << 18;
+const LONGEST: u32 = 128;
 
 /// Where the cells lie.
 #[derive(Debug, Clone, Copy, PartialEq)]
