@@ -10,5 +10,7 @@ limpid() { "$program" "$@"; }
 "${PYTHON:-python3}" tests/strangers/make.py target/strangers >/dev/null
 while read -r command; do
     echo "$command"
-    eval "${command/ -o / -o docs/pictures/gallery/} --size 400x300 --samples 4 --quiet"
-done < <(grep '^limpid render' docs/gallery.md)
+    [[ $command == *' -o '* ]] && command="${command/ -o / -o docs/pictures/gallery/} --size 400x300 --samples 4"
+    eval "$command --quiet"
+done < <(grep '^limpid' docs/gallery.md)
+rm -r docs/pictures/gallery/whitewater
