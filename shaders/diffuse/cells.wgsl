@@ -2,7 +2,8 @@
 // through more than its first surface. They see the spheres of a cell as a cloud.
 //
 // `fill_cells` adds the areas of the spheres' discs; sums of integers do not depend on the order. `light_cells` turns them into
-// optical depth, of a way along the side of a cell, and radiance, in the air and in the liquid. Behind the cells, `bricks` tell which 4 x 4 x 4 cells have any.
+// optical depth, of a way along the side of a cell, and radiance, in the air and in the liquid. Behind the cells, a word for each
+// brick of 4 x 4 x 4 of them tells whether it has any.
 
 #import diffuse/light.wgsl
 #import diffuse/particles.wgsl

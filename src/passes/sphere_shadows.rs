@@ -49,7 +49,7 @@ pub struct ShadowParams {
 const THREADS: u32 = 64;
 
 /// Slices of a column: `LIGHT_SLICES` of `common/light_grid.wgsl`.
-const SLICES: u32 = 32;
+pub const SLICES: u32 = 32;
 
 /// Least cosine between the directions to the middle and to a corner of the spheres' box at which a lamp's columns lie in a
 /// frustum; those of nearer lamps lie around it.

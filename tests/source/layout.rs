@@ -386,6 +386,7 @@ fn shared_constants_agree() {
             (scene::MAX_LIGHTS * scene_binding::LIGHT_VIEWS) as u32,
         ),
         ("tiles.wgsl", "TILE", gpu::TILE),
+        ("sphere_shadows.wgsl", "LIGHT_SLICES", sphere_shadows::SLICES),
         ("splat/layers.wgsl", "FLUID", classify::Splat::BURIED - 1),
         ("bins/fill.wgsl", "THREADS", bins::THREADS),
         ("gaps/mark.wgsl", "CELL", gaps::CELL),
