@@ -66,7 +66,7 @@ impl Dirty {
             || optics
             || smooth
             || old.caustics != new.caustics
-            || last.diffuse.as_ref() != input.diffuse
+            || !same_spheres(last.diffuse.as_ref(), input.diffuse)
             || light_settings(&old.refract) != light_settings(&new.refract);
         let surfaces = splats
             || smooth
@@ -86,6 +86,14 @@ impl Dirty {
             || last.diagnosed != diagnose
             || !last.has_radiance;
         Self { splats, lights, surfaces, radiance }
+    }
+}
+
+/// Whether two frames have the same spheres. Those of one upload are not compared one by one.
+fn same_spheres(old: Option<&Arc<Diffuse>>, new: Option<&Arc<Diffuse>>) -> bool {
+    match (old, new) {
+        (Some(old), Some(new)) => Arc::ptr_eq(old, new) || old == new,
+        _ => old.is_none() && new.is_none(),
     }
 }
 
