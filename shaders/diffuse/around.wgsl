@@ -7,7 +7,8 @@
 #import diffuse/particles.wgsl
 #import shade/looks.wgsl
 
-@group(1) @binding(3) var<storage, read_write> probes: array<Probe>;
+@group(1) @binding(3) var<storage, read> nearest_spheres: array<u32>; // disparities by tile, as bits; 0 without spheres
+@group(1) @binding(4) var probes_out: texture_storage_2d<rgba32float, write>;
 
 const LOOKS: u32 = 64u;
 
@@ -29,8 +30,9 @@ fn beyond(o: vec3f, d: vec3f, width: f32) -> vec3f {
 fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let tile = group_index(group);
     let across = tiles_across(u32(camera.size.x));
-    let nearest = probes[min(tile, arrayLength(&probes) - 1u)].nearest;
-    let has_spheres = tile < arrayLength(&probes) && nearest != 0u;
+    let tiles = arrayLength(&nearest_spheres);
+    let nearest = nearest_spheres[min(tile, tiles - 1u)];
+    let has_spheres = tile < tiles && nearest != 0u;
     var own = array<vec3f, 4>();
     if has_spheres {
         let texel = min(vec2i(vec2u(tile % across, tile / across) * TILE + TILE / 2u), vec2i(camera.size) - 1);
@@ -61,9 +63,8 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
         }
         workgroupBarrier();
     }
-    if local == 0u && has_spheres {
-        let share = 1.0 / f32(LOOKS);
-        let sum = sums[0];
-        probes[tile] = Probe(share * sum[0], nearest, share * sum[1], share * sum[2], share * sum[3]);
+    if local < PROBE_TEXELS && tile < tiles {
+        let texel = vec2u(PROBE_TEXELS * (tile % across) + local, tile / across);
+        textureStore(probes_out, texel, vec4f(sums[0][local] / f32(LOOKS), select(0.0, 1.0, has_spheres)));
     }
 }

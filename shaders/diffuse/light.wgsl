@@ -3,7 +3,7 @@
 #import common/scene.wgsl
 #import diffuse/particles.wgsl
 
-@group(1) @binding(1) var<storage, read> probes: array<Probe>; // by tile
+@group(1) @binding(1) var probes: texture_2d<f32>; // by tile
 
 const PI: f32 = 3.14159265;
 
@@ -12,19 +12,21 @@ fn irradiance_at(pixel: vec2f, n: vec3f) -> vec3f {
     let at = pixel / f32(TILE) - 0.5;
     let first = floor(at);
     let share = at - first;
-    let across = tiles_across(u32(camera.size.x));
     let last = (vec2i(camera.size) - 1) / i32(TILE);
     var light = vec3f(0.0);
     var weight = 0.0;
     for (var i = 0; i < 4; i++) {
         let corner = vec2i(i & 1, i >> 1u);
-        let tile = vec2u(clamp(vec2i(first) + corner, vec2i(0), last));
-        let index = tile.y * across + tile.x;
-        let probe = probes[index];
-        if probe.nearest != 0u {
+        let tile = clamp(vec2i(first) + corner, vec2i(0), last);
+        let texel = vec2i(i32(PROBE_TEXELS) * tile.x, tile.y);
+        let mean = textureLoad(probes, texel, 0);
+        if mean.w > 0.0 {
+            let x = textureLoad(probes, texel + vec2i(1, 0), 0).xyz;
+            let y = textureLoad(probes, texel + vec2i(2, 0), 0).xyz;
+            let z = textureLoad(probes, texel + vec2i(3, 0), 0).xyz;
             let part = mix(1.0 - share, share, vec2f(corner));
             let own = max(part.x * part.y, 1e-4);
-            light += own * max(probe.mean + probe.x * n.x + probe.y * n.y + probe.z * n.z, vec3f(0.0));
+            light += own * max(mean.rgb + x * n.x + y * n.y + z * n.z, vec3f(0.0));
             weight += own;
         }
     }
@@ -50,12 +52,12 @@ fn direct_light(i: u32, x: vec3f, radius: f32, to_light: ToLight, albedo: vec3f)
     if scene_blocks(start, to_light.direction, to_light.distance - radius) {
         return vec3f(0.0);
     }
-    let sun = lights[i].kind == SUN;
-    let straight = VIEWS * i + select(0u, min(lights[i].straight, 1u), STRAIGHT_VIEWS);
+    let sun = lights.sources[i].kind == SUN;
+    let straight = VIEWS * i + select(0u, min(lights.sources[i].straight, 1u), STRAIGHT_VIEWS);
     // Beside the surface that it floats on.
     let dry = dry_share(straight, sun, x + params.radius * to_light.direction);
     let through = params.mean_transmittance;
     // A sphere does not shade itself.
     let left = passed_by_spheres(i, start, 1.0, taken_by_spheres(albedo));
-    return left * mix(through, 1.0, dry) * lights[i].power / (to_light.distance2 * PI);
+    return left * mix(through, 1.0, dry) * lights.sources[i].power / (to_light.distance2 * PI);
 }

@@ -29,14 +29,9 @@ struct Placed {
     traits: u32,      // and, above their 18 bits, the share of it above the liquid
 }
 
-// Light around the spheres of a tile: diffuse/around.wgsl.
-struct Probe {
-    mean: vec3f,
-    nearest: u32, // disparity of the tile's nearest sphere, as bits; 0 without one
-    x: vec3f,
-    y: vec3f,
-    z: vec3f,
-}
+// Light around the spheres of a tile (diffuse/around.wgsl): texels in a row of its texture, of the mean, with 1 in w or 0
+// without spheres, and of the changes with x, y and z.
+const PROBE_TEXELS: u32 = 4u;
 
 // Kind, in two bits, and opacity, in 16.
 fn kind_of(traits: u32) -> u32 {

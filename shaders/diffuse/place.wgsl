@@ -10,19 +10,15 @@ struct Large {
 }
 
 @group(1) @binding(3) var<storage, read> spheres: array<vec4f>; // centre, relative to the particles' origin, and radius; m
-@group(1) @binding(5) var<storage, read> traits: array<u32>;    // kind and opacity
-@group(1) @binding(6) var<storage, read_write> placed: array<Placed>;
-// Words of `Probe`.
-@group(1) @binding(7) var<storage, read_write> probes: array<array<atomic<u32>, 16>>;
-@group(1) @binding(8) var<storage, read_write> large: Large;
+@group(1) @binding(4) var<storage, read> traits: array<u32>;    // kind and opacity
+@group(1) @binding(5) var<storage, read_write> placed: array<Placed>;
+@group(1) @binding(6) var<storage, read_write> nearest_spheres: array<atomic<u32>>; // disparities by tile, as bits
+@group(1) @binding(7) var<storage, read_write> large: Large;
 
 // Foam that the smoothed surface has buried less deeply than this floats on it, in radii of the liquid's particles.
 const AFLOAT: f32 = 1.0;
 
 const FOAM: u32 = 0u;
-
-// Word of `Probe.nearest`.
-const NEAREST: u32 = 3u;
 
 const STEPS: u32 = 4u;
 
@@ -80,7 +76,7 @@ fn place(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     if seen.radius <= 0.0 {
         return;
     }
-    atomicMax(&probes[tile_of(seen.pixel)][NEAREST], bitcast<u32>(camera_disparity(x)));
+    atomicMax(&nearest_spheres[tile_of(seen.pixel)], bitcast<u32>(camera_disparity(x)));
     if radius_in_pixels(seen) > LARGE {
         large.spheres[atomicAdd(&large.count, 1u)] = index;
     }

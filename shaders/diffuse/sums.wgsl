@@ -39,7 +39,7 @@ fn sphere_radiance(sphere: Placed, albedo: vec3f, n: vec3f) -> vec3f {
     // The mean normal of a disc is two thirds of that at its centre.
     var light = irradiance_at(sphere.pixel, select(0.66666667 * to_eye, n, is_point));
     for (var i = 0u; i < LIGHTS; i++) {
-        let to_light = light_from(lights[i], x);
+        let to_light = light_from(lights.sources[i], x);
         let facing = select(phase(dot(to_eye, to_light.direction)), max(dot(n, to_light.direction), 0.0), is_point);
         light += facing * direct_light(i, x, sphere.radius, to_light, albedo);
     }

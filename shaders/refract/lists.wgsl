@@ -2,6 +2,7 @@
 // wait for those that have many.
 
 struct PixelList {
+    groups: atomic<u32>,    // size in x of the dispatch over the list, in groups of LIST_GROUP pixels
     count: atomic<u32>,
     looks: atomic<u32>,     // of the first ray of each pixel, with a host: terminated rays,
     fallbacks: atomic<u32>, // and those that the host's picture does not show
@@ -9,8 +10,6 @@ struct PixelList {
 }
 
 @group(3) @binding(0) var<storage, read_write> listed: PixelList;
-// Indirect dispatch size in x: groups of LIST_GROUP pixels.
-@group(3) @binding(1) var<storage, read_write> list_groups: atomic<u32>;
 
 const LIST_GROUP: u32 = 64u;
 // The largest dispatch that every adapter supports. Its threads take several pixels of a longer list.
@@ -24,7 +23,7 @@ fn is_deferred(p: vec2i) -> bool {
     }
     listed.pixels[index] = u32(p.x) | (u32(p.y) << 16u);
     if index % LIST_GROUP == 0u && index / LIST_GROUP < MOST_GROUPS {
-        atomicAdd(&list_groups, 1u);
+        atomicAdd(&listed.groups, 1u);
     }
     return true;
 }

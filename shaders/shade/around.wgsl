@@ -7,6 +7,7 @@
 #import shade/looks.wgsl
 #import shade/material.wgsl
 #import shade/packed.wgsl
+#import shade/texels.wgsl
 
 const DIRECTIONS: u32 = 2u;     // of the hemisphere
 const MIRRORED: u32 = 1u;       // directions of the coat's reflection

@@ -2,6 +2,7 @@
 
 #import shade/neighbours.wgsl
 #import shade/packed.wgsl
+#import shade/texels.wgsl
 
 @group(1) @binding(5) var around: texture_2d<u32>;
 @group(1) @binding(6) var means: texture_storage_2d<rgba32uint, write>;

@@ -3,13 +3,11 @@
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/scene.wgsl
-#import common/tiles.wgsl
 
 override SPLASH: bool = false;  // the frame has splash layers
 
 @group(1) @binding(1) var aggregate_layers: $layers;
 @group(1) @binding(2) var splash_layers: $layers;
-@group(1) @binding(4) var<storage, read> tiles: TileList;
 
 const PI: f32 = 3.14159265;
 
@@ -79,13 +77,4 @@ fn basis_around(n: vec3f) -> mat2x3f {
     let a = -1.0 / (s + n.z);
     let b = n.x * n.y * a;
     return mat2x3f(vec3f(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3f(b, s + n.y * n.y * a, -n.y));
-}
-
-// The texel of a thread, or one beyond the picture.
-fn texel_of(group: vec3u, local: vec3u) -> vec2i {
-    let index = group_index(group);
-    if index >= tiles.count {
-        return vec2i(camera.size);
-    }
-    return tile_pixel(tiles.tiles[index], local.xy);
 }

@@ -6,6 +6,7 @@
 #import common/optics.wgsl
 #import shade/looks.wgsl
 #import shade/packed.wgsl
+#import shade/texels.wgsl
 #import turbid/params.wgsl
 #import turbid/slab.wgsl
 

@@ -2,6 +2,7 @@
 // of 3 x 3 such means. Where much of what is seen is the liquid itself, its light is a series that enlarges errors.
 
 #import shade/averages.wgsl
+#import shade/texels.wgsl
 #import turbid/params.wgsl
 
 // Way across the surface over which its curvature is measured, as a share of the liquid's thickness.

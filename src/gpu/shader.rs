@@ -94,6 +94,7 @@ pub const RENDERER: Library = Library {
         ("diffuse/sums.wgsl", include_str!("../../shaders/diffuse/sums.wgsl")),
         ("refract/diffuse.wgsl", include_str!("../../shaders/refract/diffuse.wgsl")),
         ("shade/surface.wgsl", include_str!("../../shaders/shade/surface.wgsl")),
+        ("shade/texels.wgsl", include_str!("../../shaders/shade/texels.wgsl")),
         ("turbid/params.wgsl", include_str!("../../shaders/turbid/params.wgsl")),
         ("turbid/slab.wgsl", include_str!("../../shaders/turbid/slab.wgsl")),
         ("turbid/around.wgsl", include_str!("../../shaders/turbid/around.wgsl")),

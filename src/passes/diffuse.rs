@@ -15,6 +15,7 @@ use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::D2;
 
 use self::cells::Cells;
+use super::Layers;
 use super::mixture::Shares;
 use super::scene_binding::SceneVariant;
 use super::spheres::{SphereChunk, Spheres};
@@ -59,10 +60,11 @@ pub struct Params {
 
 /// Threads of a workgroup.
 const THREADS: u32 = 64;
-/// Bytes of a placed sphere, of a tile's light, and of a pixel's sums in one layer.
+/// Bytes of a placed sphere, and of a pixel's sums in one layer.
 const PLACED: u64 = 32;
-const PROBE: u64 = 64;
 const SUMS: u64 = 16;
+/// Texels of the light around the spheres of a tile.
+const PROBE_TEXELS: u32 = 4;
 /// Units of optical depth in a pixel's sums, and the least that lets nothing through: those of `diffuse/pixels.wgsl`.
 pub const DEPTH_UNITS: f32 = 16384.0;
 pub const OPAQUE_DEPTH: f32 = 5.99;
@@ -75,8 +77,10 @@ pub struct DiffuseImages {
     spheres: Spheres,
     /// By chunk of the spheres.
     seen: Vec<Seen>,
-    /// By tile.
-    probes: wgpu::Buffer,
+    /// Disparities of the nearest spheres, by tile.
+    nearest: wgpu::Buffer,
+    /// Light around them.
+    probes: wgpu::TextureView,
     /// By pixel, in the air and in the liquid.
     sums: [wgpu::Buffer; 2],
     opaque: wgpu::Buffer,
@@ -127,7 +131,10 @@ impl DiffuseImages {
             let problem = format!("binds no sums of {}x{} pixels", size.x, size.y);
             return Err(Error::Limit { adapter: gpu.adapter(), problem, of: Limited::Diffuse });
         }
-        let tiles = u64::from(size.map(|n| n.div_ceil(TILE)).element_product());
+        let tiles = size.map(|n| n.div_ceil(TILE));
+        let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING;
+        let texels = tiles * UVec2::new(PROBE_TEXELS, 1);
+        let probes = gpu.texture("light around spheres", texels, 1, Layers::FORMAT, usage);
         let most = (gpu.most_binding() / PLACED) as usize;
         let spheres = Spheres::new(gpu, diffuse, most);
         let cells = Cells::new(diffuse, spheres.extent());
@@ -140,7 +147,8 @@ impl DiffuseImages {
         Ok(Self {
             spheres,
             seen,
-            probes: buffer(gpu, "light around spheres", PROBE * tiles),
+            nearest: buffer(gpu, "nearest spheres", 4 * u64::from(tiles.element_product())),
+            probes: probes.create_view(&Default::default()),
             sums: [sum("spheres in the air"), sum("spheres in the liquid")],
             opaque: buffer(gpu, "opaque spheres", 8 * pixels),
             size,
@@ -236,7 +244,6 @@ impl DiffusePass {
         let splash = eye.splash_layers();
         let (aggregates, splashes) =
             (&eye.aggregate_layers().view, &splash.unwrap_or(eye.aggregate_layers()).view);
-        let tiles = &eye.images.tiles;
         let planes = eye.images.gbuffer.planes.create_view(&Default::default());
         let cell_sums = &images.cell_sums;
         let bind_placing = |params: &wgpu::Buffer, chunk: &SphereChunk, seen: &Seen| {
@@ -245,10 +252,9 @@ impl DiffusePass {
                 (gpu.layers(), TextureView(aggregates)),
                 (gpu.layers(), TextureView(splashes)),
                 (gpu::storage::<Vec4>(), chunk.spheres.as_entire_binding()),
-                (gpu::storage_of(8), tiles.section(&tiles.liquid, 0)),
                 (gpu::storage::<u32>(), chunk.traits.as_entire_binding()),
                 (gpu::storage_read_write(PLACED), seen.placed.as_entire_binding()),
-                (gpu::storage_read_write(PROBE), images.probes.as_entire_binding()),
+                (gpu::storage_read_write(4), images.nearest.as_entire_binding()),
                 (gpu::storage_read_write(8), seen.large.as_entire_binding()),
             ];
             gpu.bind("placed spheres", &bindings)
@@ -257,7 +263,7 @@ impl DiffusePass {
             let [above, inside] = &images.sums;
             let bindings = [
                 (gpu::uniform::<Params>(), params.as_entire_binding()),
-                (gpu::storage_of(PROBE), images.probes.as_entire_binding()),
+                (gpu::sampled(D2), TextureView(&images.probes)),
                 (gpu::storage_of(PLACED), seen.placed.as_entire_binding()),
                 (gpu::storage_of(8), seen.large.as_entire_binding()),
                 (gpu::storage_read_write(SUMS), above.as_entire_binding()),
@@ -294,15 +300,15 @@ impl DiffusePass {
                 (gpu::uniform::<Params>(), uniform.as_entire_binding()),
                 (gpu.layers(), TextureView(aggregates)),
                 (gpu.layers(), TextureView(splashes)),
-                (gpu::storage_read_write(PROBE), images.probes.as_entire_binding()),
-                (gpu::storage_of(8), tiles.section(&tiles.liquid, 0)),
+                (gpu::storage_of(4), images.nearest.as_entire_binding()),
+                (gpu::storage_texture(Layers::FORMAT, D2), TextureView(&images.probes)),
             ],
         );
         let cells = gpu.bind(
             "lit cells",
             &[
                 (gpu::uniform::<Params>(), uniform.as_entire_binding()),
-                (gpu::storage_of(PROBE), images.probes.as_entire_binding()),
+                (gpu::sampled(D2), TextureView(&images.probes)),
                 (gpu::storage_read_write(16), cell_sums.as_entire_binding()),
             ],
         );
@@ -332,7 +338,7 @@ impl DiffusePass {
             kernel("diffuse/fill_cells.wgsl", "fill_cells", filling, &eye.camera.constants()),
             kernel("diffuse/cells.wgsl", "light_cells", &cells, &plain),
         ]);
-        let mut cleared = [&images.probes, &images.opaque, cell_sums].map(Clone::clone).to_vec();
+        let mut cleared = [&images.nearest, &images.opaque, cell_sums].map(Clone::clone).to_vec();
         cleared.extend(images.sums.clone());
         Self {
             place,

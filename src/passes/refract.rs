@@ -91,8 +91,8 @@ pub const BINDINGS: [&str; 19] = [
     "cells",
 ];
 
-/// Bytes before a list of pixels: the number of them, of rays and of fallbacks.
-const LIST_COUNTS: u64 = 12;
+/// Bytes before a list of pixels: the numbers of groups, pixels, rays and fallbacks.
+const LIST_COUNTS: u64 = 16;
 
 /// The picture of a frame, and memory between its passes.
 #[derive(Debug)]
@@ -110,7 +110,7 @@ pub struct RefractImages {
 /// Pixels gathered to be drawn together: `refract/lists.wgsl`.
 #[derive(Debug, Clone)]
 struct PixelList {
-    /// Counts of pixels, of rays and of fallbacks, then pixels.
+    /// Counts of groups, pixels, rays and fallbacks, then pixels.
     list: wgpu::Buffer,
     /// Arguments of the indirect dispatch over them.
     dispatch: wgpu::Buffer,
@@ -145,8 +145,8 @@ pub struct Refract {
     sections: Vec<Section>,
     tiles: TileLists,
     listed: PixelList,
-    gather: Bound,
-    draw: Bound,
+    /// Group 3 of all passes: the list.
+    list: Bound,
     structured: Option<Structured>,
     work: u64,
 }
@@ -195,7 +195,7 @@ impl RefractImages {
 
     /// Records the readback of the last picture's counts of rays with a host.
     pub fn record_host_rays(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Pending {
-        Pending::record(gpu, encoder, &self.listed.list, 4, LIST_COUNTS - 4)
+        Pending::record(gpu, encoder, &self.listed.list, 8, LIST_COUNTS - 8)
     }
 }
 
@@ -245,22 +245,15 @@ impl Refract {
         };
         let sections: Vec<_> = tiles.sections().map(of_section).collect();
 
-        let PixelList { list, dispatch } = &images.listed;
-        // Indirect arguments must not be bound where they are used, so drawing the pixels binds the list alone.
-        let listed = [
-            (gpu::storage_read_write(LIST_COUNTS + 4), list.as_entire_binding()),
-            (gpu::storage_read_write(4), dispatch.as_entire_binding()),
-        ];
-        let gather = gpu.bind("pixels listed", &listed);
-        let draw = gpu.bind("pixels drawn", &listed[..1]);
+        let list = images.listed.list.as_entire_binding();
+        let list = gpu.bind("listed pixels", &[(gpu::storage_read_write(LIST_COUNTS + 4), list)]);
         let own = &sections[0].liquid.layout;
-        let kernel =
-            |variant, entry: &str, list: &Bound| pixels.kernel(variant, entry, [own, &list.layout]);
+        let kernel = |variant, entry: &str| pixels.kernel(variant, entry, [own, &list.layout]);
         let first = variant.first();
         let kernels = [
-            kernel(first, "refract_pixels", &gather),
-            kernel(first, "background_pixels", &gather),
-            kernel(first, "edge_pixels", &draw),
+            kernel(first, "refract_pixels"),
+            kernel(first, "background_pixels"),
+            kernel(first, "edge_pixels"),
         ];
         let structured = variant.adaptive.then(|| {
             let of_section = |section| {
@@ -273,8 +266,8 @@ impl Refract {
             None => (gpu.pipelines(kernels), None),
             Some(sections) => {
                 let [liquid, background, edges] = kernels;
-                let find = find_kernel(gpu, eye, &sections[0][0].layout, &gather);
-                let draw = kernel(variant, "structured_pixels", &draw);
+                let find = find_kernel(gpu, eye, &sections[0][0].layout, &list);
+                let draw = kernel(variant, "structured_pixels");
                 let [liquid, background, edges, find, draw] =
                     gpu.pipelines([liquid, background, edges, find, draw]);
                 let pictures = [&images.first_radiance, &images.radiance.texture].map(Clone::clone);
@@ -282,7 +275,7 @@ impl Refract {
             }
         };
         let (tiles, listed) = (tiles.clone(), images.listed.clone());
-        Self { liquid, background, edges, sections, tiles, listed, gather, draw, structured, work }
+        Self { liquid, background, edges, sections, tiles, listed, list, structured, work }
     }
 
     /// Records the picture.
@@ -293,18 +286,20 @@ impl Refract {
         for (section, bound) in tiles.sections().zip(&self.sections) {
             commands.reserve(work);
             listed.clear(commands.encoder, section == 0);
-            let span = span.part(section == 0, section == last && structured.is_none());
-            let mut pass = begin(commands.encoder, eye, span);
+            let mut pass = self.begin(commands.encoder, eye, span.part(section == 0, false));
             let at = |which| tiles.dispatch(which, section);
-            pass.set_bind_group(3, &self.gather.group, &[]);
             pass.set_pipeline(&self.background);
             pass.set_bind_group(1, &bound.background.group, &[]);
             pass.dispatch_workgroups_indirect(&tiles.dispatches, at(TileLists::BACKGROUND));
             pass.set_pipeline(&self.liquid);
             pass.set_bind_group(1, &bound.liquid.group, &[]);
             pass.dispatch_workgroups_indirect(&tiles.dispatches, at(TileLists::LIQUID));
-            pass.set_bind_group(3, &self.draw.group, &[]);
+            drop(pass);
+            listed.size_dispatch(commands.encoder);
+            let span = span.part(false, section == last && structured.is_none());
+            let mut pass = self.begin(commands.encoder, eye, span);
             pass.set_pipeline(&self.edges);
+            pass.set_bind_group(1, &bound.liquid.group, &[]);
             pass.dispatch_workgroups_indirect(&listed.dispatch, 0);
         }
         let Some(Structured { find, draw, sections, pictures: [first, all] }) = structured else {
@@ -316,32 +311,35 @@ impl Refract {
         for (section, [found, drawn]) in tiles.sections().zip(sections) {
             commands.reserve(work);
             listed.clear(commands.encoder, false);
-            let mut pass = begin(commands.encoder, eye, span.part(false, section == last));
+            let mut pass = self.begin(commands.encoder, eye, span.part(false, false));
             pass.set_pipeline(find);
             pass.set_bind_group(1, &found.group, &[]);
-            pass.set_bind_group(3, &self.gather.group, &[]);
             let at = tiles.dispatch(TileLists::LIQUID, section);
             pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
+            drop(pass);
+            listed.size_dispatch(commands.encoder);
+            let mut pass = self.begin(commands.encoder, eye, span.part(false, section == last));
             pass.set_pipeline(draw);
             pass.set_bind_group(1, &drawn.group, &[]);
-            pass.set_bind_group(3, &self.draw.group, &[]);
             pass.dispatch_workgroups_indirect(&listed.dispatch, 0);
         }
     }
-}
 
-fn begin<'a>(
-    encoder: &'a mut wgpu::CommandEncoder,
-    eye: &ViewPasses,
-    span: Span<'_>,
-) -> wgpu::ComputePass<'a> {
-    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-        label: Some("refract"),
-        timestamp_writes: span.compute(),
-    });
-    pass.set_bind_group(0, &eye.camera.group, &[]);
-    pass.set_bind_group(2, &eye.scene.group, &[]);
-    pass
+    fn begin<'a>(
+        &self,
+        encoder: &'a mut wgpu::CommandEncoder,
+        eye: &ViewPasses,
+        span: Span<'_>,
+    ) -> wgpu::ComputePass<'a> {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("refract"),
+            timestamp_writes: span.compute(),
+        });
+        pass.set_bind_group(0, &eye.camera.group, &[]);
+        pass.set_bind_group(2, &eye.scene.group, &[]);
+        pass.set_bind_group(3, &self.list.group, &[]);
+        pass
+    }
 }
 
 /// Inputs that all passes over pixels share: `refract/pixels.wgsl`.
@@ -486,17 +484,20 @@ impl PixelList {
                 | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let usage = wgpu::BufferUsages::STORAGE
-            | wgpu::BufferUsages::COPY_DST
-            | wgpu::BufferUsages::INDIRECT;
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::INDIRECT;
         let dispatch = gpu.buffer_with("listed groups", usage, &[0u32, 1, 1]);
         Self { list, dispatch }
     }
 
     /// Records the emptying of the list; the counts of rays are kept unless `all`.
     fn clear(&self, encoder: &mut wgpu::CommandEncoder, all: bool) {
-        encoder.clear_buffer(&self.list, 0, Some(if all { LIST_COUNTS } else { 4 }));
-        encoder.clear_buffer(&self.dispatch, 0, Some(4));
+        encoder.clear_buffer(&self.list, 0, Some(if all { LIST_COUNTS } else { 8 }));
+    }
+
+    /// Records the size of the dispatch over the list. It is copied rather than written by shaders, for which it would be
+    /// one storage buffer more than WebGPU's core allows.
+    fn size_dispatch(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.copy_buffer_to_buffer(&self.list, 0, &self.dispatch, 0, 4);
     }
 }
 

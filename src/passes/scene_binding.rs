@@ -1,5 +1,7 @@
 //! The scene's bind group, for all passes that see it: `shaders/common/scene.wgsl`, `shaders/common/lights.wgsl`.
 
+use std::mem;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2, Vec3};
 use wgpu::TextureViewDimension::{D2, D2Array};
@@ -126,6 +128,16 @@ pub struct LightViewData {
 /// Most views of a light: its map's, then the faces of a cube around it.
 pub const LIGHT_VIEWS: usize = 1 + CUBE;
 
+/// `Lights` of `common/lights.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct LightsData {
+    /// The scene's lights.
+    pub sources: [LightData; MAX_LIGHTS],
+    /// The views of each.
+    pub views: [LightViewData; MAX_LIGHTS * LIGHT_VIEWS],
+}
+
 /// Specialisation of pipelines that use the scene: the constants of `common/scene.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct SceneVariant {
@@ -222,7 +234,6 @@ pub struct SceneBinding {
     pub variant: SceneVariant,
     solids: wgpu::Buffer,
     lights: wgpu::Buffer,
-    light_views: wgpu::Buffer,
     environment: Environment,
     maps: Option<LightMaps>,
     meshes: Option<(wgpu::TextureView, wgpu::Buffer)>,
@@ -244,39 +255,25 @@ impl SceneBinding {
         let bindings = [
             gpu::uniform::<SceneUniform>(),
             gpu::uniform::<[SolidData; MAX_SOLIDS]>(),
-            gpu.branching::<[LightData; MAX_LIGHTS]>(),
+            gpu.branching::<LightsData>(),
             gpu::sampled(D2),
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
-            gpu.branching::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>(),
             gpu::sampled_integers(),
             gpu::storage::<u32>(),
             gpu::storage::<u32>(),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
         let solids = gpu.uniform_buffer::<[SolidData; MAX_SOLIDS]>("solids");
-        let lights = gpu.uniform_buffer::<[LightData; MAX_LIGHTS]>("lights");
-        let light_views =
-            gpu.uniform_buffer::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>("light views");
+        let lights = gpu.uniform_buffer::<LightsData>("lights");
         let environment = Environment::default();
-        let buffers = [&solids, &lights, &light_views];
+        let buffers = [&solids, &lights];
         let none = MeshBuffers::new(gpu);
         let sphere_depths = gpu.buffer_with("no spheres", wgpu::BufferUsages::STORAGE, &[0u32]);
         let group = bind(gpu, &layout, buffers, &environment, (None, &none, &sphere_depths));
         let variant = SceneVariant::default();
         let (maps, meshes) = (None, None);
-        Self {
-            layout,
-            group,
-            variant,
-            solids,
-            lights,
-            light_views,
-            environment,
-            maps,
-            meshes,
-            sphere_depths,
-        }
+        Self { layout, group, variant, solids, lights, environment, maps, meshes, sphere_depths }
     }
 
     /// Uploads a scene's solids and lights relative to `eye`, the lights' views, and the environment if it
@@ -298,23 +295,25 @@ impl SceneBinding {
         for (light, grid) in lights.iter_mut().zip(shadows.map_or(&[][..], Shadows::grids)) {
             light.spheres = grid.data(eye);
         }
-        let mut light_views = vec![LightViewData::zeroed(); LIGHT_VIEWS * lights.len()];
+        let mut views_of_lights = vec![LightViewData::zeroed(); LIGHT_VIEWS * lights.len()];
         for placed in views {
-            light_views[LIGHT_VIEWS * placed.light + placed.slot] = light_view_data(placed, eye);
+            views_of_lights[LIGHT_VIEWS * placed.light + placed.slot] =
+                light_view_data(placed, eye);
             let light = &mut lights[placed.light];
             light.map |= u32::from(placed.slot == 0);
             light.straight = light.straight.max(placed.straight);
         }
         gpu.queue.write_buffer(&self.solids, 0, bytemuck::cast_slice(&solids));
         gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
-        gpu.queue.write_buffer(&self.light_views, 0, bytemuck::cast_slice(&light_views));
+        let views_at = mem::offset_of!(LightsData, views) as u64;
+        gpu.queue.write_buffer(&self.lights, views_at, bytemuck::cast_slice(&views_of_lights));
         let mesh_buffers = Some((meshes.geometry.clone(), meshes.surfaces.clone()));
         let same_environment = self.environment == scene.environment;
         let sphere_depths = shadows.map_or(&self.sphere_depths, |shadows| &shadows.depths).clone();
         let same_buffers = self.meshes == mesh_buffers && self.sphere_depths == sphere_depths;
         if !same_environment || self.maps.as_ref() != maps || !same_buffers {
             let environment = &scene.environment;
-            let buffers = [&self.solids, &self.lights, &self.light_views];
+            let buffers = [&self.solids, &self.lights];
             let bound = (maps, meshes, &sphere_depths);
             self.group = bind(gpu, &self.layout, buffers, environment, bound);
             self.environment = environment.clone();
@@ -331,7 +330,7 @@ impl SceneBinding {
 fn bind(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
-    [solids, lights, light_views]: [&wgpu::Buffer; 3],
+    [solids, lights]: [&wgpu::Buffer; 2],
     environment: &Environment,
     (light_maps, meshes, sphere_depths): (Option<&LightMaps>, &MeshBuffers, &wgpu::Buffer),
 ) -> wgpu::BindGroup {
@@ -386,7 +385,6 @@ fn bind(
         wgpu::BindingResource::TextureView(&map.create_view(&Default::default())),
         wgpu::BindingResource::TextureView(&maps),
         wgpu::BindingResource::TextureView(&receivers),
-        light_views.as_entire_binding(),
         wgpu::BindingResource::TextureView(&meshes.geometry),
         meshes.surfaces.as_entire_binding(),
         sphere_depths.as_entire_binding(),

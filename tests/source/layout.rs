@@ -50,8 +50,16 @@ impl Kind for glam::Vec3 {
     const KIND: ScalarKind = ScalarKind::Float;
 }
 
-/// Of its first field.
+// Of their first fields.
 impl Kind for sphere_shadows::LightGridData {
+    const KIND: ScalarKind = ScalarKind::Float;
+}
+
+impl Kind for scene_binding::LightData {
+    const KIND: ScalarKind = ScalarKind::Float;
+}
+
+impl Kind for scene_binding::LightViewData {
     const KIND: ScalarKind = ScalarKind::Float;
 }
 
@@ -188,6 +196,7 @@ fn camera_and_scene() -> Vec<Shared> {
         height,
         layer,
     });
+    let lights = rust_struct!(scene_binding::LightsData { sources, views });
     vec![
         (camera, "splat/layers.wgsl", "Camera"),
         (scene, "gbuffer.wgsl", "Scene"),
@@ -195,6 +204,7 @@ fn camera_and_scene() -> Vec<Shared> {
         (light, "gbuffer.wgsl", "Light"),
         (light_grid, "gbuffer.wgsl", "LightGrid"),
         (light_view, "gbuffer.wgsl", "LightView"),
+        (lights, "gbuffer.wgsl", "Lights"),
     ]
 }
 

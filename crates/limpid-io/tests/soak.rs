@@ -10,10 +10,11 @@ mod support;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use glam::{DVec3, UVec2};
+use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
+use limpid::diffuse::Diffuse;
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
@@ -79,12 +80,18 @@ struct Kind {
     particles: Particles,
     size: UVec2,
     diagnose: bool,
+    foam: Option<Arc<Diffuse>>,
 }
 
 fn kind(i: usize) -> Kind {
+    kind_of(i, "absorption = [0.8, 0.3, 0.1]\n")
+}
+
+/// A kind whose liquid has these keys.
+fn kind_of(i: usize, liquid: &str) -> Kind {
     let overrides: Vec<_> =
         SETTINGS[i % SETTINGS.len()].iter().map(|text| (*text).to_owned()).collect();
-    let text = format!("[liquid]\nabsorption = [0.8, 0.3, 0.1]\n{}", LOOKS[i % LOOKS.len()]);
+    let text = format!("[liquid]\n{liquid}{}", LOOKS[i % LOOKS.len()]);
     let mut project = Project::parse(&text, "soak", Path::new("")).expect("a scene");
     project.set(&overrides).expect("settings");
     let scene = project.scene;
@@ -95,21 +102,21 @@ fn kind(i: usize) -> Kind {
     let camera = Camera {
         eye: DVec3::new(0.3, 0.8, 3.0),
         target: DVec3::new(0.0, -0.3, 0.4),
-        up: glam::Vec3::Y,
+        up: Vec3::Y,
         fov_y: 40.0,
         near: None,
         lens: None,
     };
     let size = SIZES[i % SIZES.len()].into();
     let particles = Particles::from_places(&places);
-    Kind { scene, camera, particles, size, diagnose: i.is_multiple_of(11) }
+    Kind { scene, camera, particles, size, diagnose: i.is_multiple_of(11), foam: None }
 }
 
 impl Kind {
     fn draw(&self, offscreen: &mut Offscreen) -> image::RgbImage {
         let splats = classify::classify(&self.particles, 0.04, &self.scene.settings.classify);
         let input = FrameInput::new(&self.scene, &self.camera, &splats, self.size);
-        let input = FrameInput { diagnose: self.diagnose, ..input };
+        let input = FrameInput { diagnose: self.diagnose, diffuse: self.foam.as_ref(), ..input };
         offscreen.draw(input).expect("a frame").picture
     }
 }
@@ -250,6 +257,19 @@ fn the_webgpu_core_is_sufficient() {
         let kind = kind(i);
         assert!(kind.scene.is_lit());
         assert!(kind.draw(&mut all) == kind.draw(&mut core), "{:?}", SETTINGS[i % SETTINGS.len()]);
+    }
+    // Each kind of liquid, with colours of its particles and under foam.
+    for liquid in [
+        "absorption = [0.8, 0.3, 0.1]\n",
+        "scattering = [40.0, 40.0, 40.0]\n",
+        "kind = \"opaque\"\n",
+    ] {
+        let mut kind = kind_of(2, liquid);
+        let places = kind.particles.positions.clone();
+        kind.particles.colors = Some(places.iter().map(|p| p.abs().min(Vec3::ONE)).collect());
+        let above = places.iter().map(|&p| p + 0.1 * Vec3::Y).collect();
+        kind.foam = Some(Arc::new(Diffuse::from_positions(above, 0.004)));
+        assert!(kind.draw(&mut all) == kind.draw(&mut core), "under foam: {liquid:?}");
     }
 }
 
