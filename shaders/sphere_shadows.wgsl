@@ -15,7 +15,7 @@ struct ShadowParams {
     grids: array<LightGrid, 16>,
 }
 
-@group(0) @binding(0) var<uniform> params: ShadowParams;
+@group(0) @binding(0) var<$branching> params: ShadowParams;
 @group(0) @binding(1) var<storage, read> spheres: array<vec4f>; // centre and radius, m
 @group(0) @binding(2) var<storage, read> traits: array<u32>;    // kind and opacity
 @group(0) @binding(3) var<storage, read_write> depths: array<atomic<u32>>;
@@ -45,7 +45,7 @@ fn half_sides(grid: LightGrid, x: vec3f, radius: f32) -> vec2f {
 }
 
 fn shade(grid: LightGrid, x: vec3f, radius: f32, opacity: f32) {
-    let at = in_light_grid(grid, x);
+    let at = in_light_grid(grid, grid_shape(grid), x);
     let half = half_sides(grid, x, radius);
     let widened = clamp(half, vec2f(0.5), vec2f(LARGEST));
     let thinned = min(half / widened, vec2f(1.0));

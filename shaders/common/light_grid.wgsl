@@ -4,7 +4,7 @@
 // the axes scale to 1, or around it as octahedral directions.
 struct LightGrid {
     right: vec3f,
-    columns: u32, // along a side; 0 without spheres
+    columns: u32, // along a side
     up: vec3f,
     first: u32,   // word of the first column
     away: vec3f,  // from the light
@@ -13,17 +13,26 @@ struct LightGrid {
     scale: f32,   // of that logarithm, to shares; 0 for a sun, negative for an octahedron
 }
 
+const NO_GRID: u32 = 0u;
+const BOX_GRID: u32 = 1u;
+const FRUSTUM_GRID: u32 = 2u;
+const OCTAHEDRON_GRID: u32 = 3u;
+
+fn grid_shape(grid: LightGrid) -> u32 {
+    return select(select(BOX_GRID, OCTAHEDRON_GRID, grid.scale < 0.0), FRUSTUM_GRID, grid.scale > 0.0);
+}
+
 // Slices of a column.
 const LIGHT_SLICES: u32 = 32u;
 
-// Column and slice of a point, as shares.
-fn in_light_grid(grid: LightGrid, x: vec3f) -> vec3f {
+// Column and slice of a point in a grid of this shape, as shares.
+fn in_light_grid(grid: LightGrid, shape: u32, x: vec3f) -> vec3f {
     let from_origin = x - grid.origin;
     let at = vec3f(dot(from_origin, grid.right), dot(from_origin, grid.up), dot(from_origin, grid.away));
-    if grid.scale == 0.0 {
+    if shape == BOX_GRID {
         return at;
     }
-    if grid.scale > 0.0 {
+    if shape == FRUSTUM_GRID {
         let depth = max(at.z, 1e-30);
         return vec3f(0.5 * at.xy / depth + 0.5, (log2(depth) - grid.near) * grid.scale);
     }

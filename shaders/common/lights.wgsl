@@ -14,7 +14,7 @@ struct Light {
     power: vec3f,       // irradiance of a sun, or radiant intensity of a point light
     straight: u32,      // views along the unrefracted light: 0 if the map's view is one, 1 or CUBE
     map: u32,           // 1 if the light has a caustic map
-    spheres: LightGrid,
+    spheres: u32,       // shape of its columns through foam, spray and bubbles
 }
 
 // A light's view and its region of the maps; of width 0 if the view does not exist.
@@ -40,10 +40,11 @@ const VIEWS: u32 = 1u + CUBE;
 const MAX_LIGHTS: u32 = 16u;
 const MAX_LIGHT_VIEWS: u32 = 112u; // MAX_LIGHTS * VIEWS
 
-// One binding, since WebGPU's core allows a stage 8 storage buffers.
-struct Lights {
-    sources: array<Light, MAX_LIGHTS>,
+// No branch depends on these values alone, so they need no storage buffer (`Gpu::branching`), of which WebGPU's core allows a
+// stage 8, and which software adapters read lane by lane.
+struct LightViews {
     views: array<LightView, MAX_LIGHT_VIEWS>,
+    grids: array<LightGrid, MAX_LIGHTS>,
 }
 
 // Number of lights; 0 also if no solid is lit.
@@ -51,11 +52,12 @@ override LIGHTS: u32 = 0u;
 // Whether any light has views along the unrefracted light besides its map's view.
 override STRAIGHT_VIEWS: bool = false;
 
-@group(2) @binding(2) var<$branching> lights: Lights;
+@group(2) @binding(2) var<$branching> lights: array<Light, MAX_LIGHTS>;
 @group(2) @binding(4) var caustic_maps: texture_2d_array<f32>;
 @group(2) @binding(5) var caustic_receivers: texture_2d_array<f32>; // plane; disparity of the liquid's front
+@group(2) @binding(6) var<uniform> light_views: LightViews;
 // Optical depths from each light to the ends of the slices of its columns, as bits.
-@group(2) @binding(8) var<storage, read> sphere_depths: array<u32>;
+@group(2) @binding(9) var<storage, read> sphere_depths: array<u32>;
 
 struct ToLight {
     direction: vec3f, // unit
@@ -83,18 +85,18 @@ const SAME_RECEIVER: f32 = 0.5;
 // the unrefracted light: the map's view may look along refracted light, and below bodies without
 // walls.
 fn light_with_liquid(index: u32, x: vec3f, n: vec3f, direct: vec3f) -> vec3f {
-    let sun = lights.sources[index].kind == SUN;
+    let sun = lights[index].kind == SUN;
     let map = VIEWS * index;
     let passed = passed_by_spheres(index, x, 0.0, vec3f(1.0)) * direct;
     if !STRAIGHT_VIEWS {
         return dry_share(map, sun, x) * passed + light_of_map(map, sun, x, n);
     }
-    let straight = lights.sources[index].straight;
+    let straight = lights[index].straight;
     var view = map + min(straight, 1u);
     if straight == CUBE {
-        view += cube_face(x - lights.sources[index].place);
+        view += cube_face(x - lights[index].place);
     }
-    let with_light = select(view, map, lights.sources[index].map == 1u);
+    let with_light = select(view, map, lights[index].map == 1u);
     return dry_share(view, sun, x) * passed + light_of_map(with_light, sun, x, n);
 }
 
@@ -147,7 +149,7 @@ fn near_texel(light: LightView, point: InView, i: i32) -> NearTexel {
 // Share of direct light at x that no liquid blocks in a view; 1 outside of it. Drivers skip a loop without rounds, where
 // they would run through a branch.
 fn dry_share(index: u32, sun: bool, x: vec3f) -> f32 {
-    let light = lights.views[index];
+    let light = light_views.views[index];
     let point = in_light_view(light, sun, x);
     var dry = 0.0;
     for (var i = 0; i < select(0, AROUND, point.inside); i++) {
@@ -158,9 +160,18 @@ fn dry_share(index: u32, sun: bool, x: vec3f) -> f32 {
     return select(1.0, min(dry, 1.0), point.inside);
 }
 
+// Whether no liquid blocks direct light at x in a view, by its texel.
+fn is_dry(index: u32, sun: bool, x: vec3f) -> bool {
+    let light = light_views.views[index];
+    let point = in_light_view(light, sun, x);
+    let at = clamp(round(point.first + point.f), vec2f(0.0), vec2f(light.width, light.height) - 1.0);
+    let front = textureLoad(caustic_receivers, vec2i(light.corner) + vec2i(at), light.layer, 0).w;
+    return !point.inside || front <= point.disparity;
+}
+
 // Irradiance over pi of a view's map at x on a surface of normal n: of the texels on the same surface.
 fn light_of_map(index: u32, sun: bool, x: vec3f, n: vec3f) -> vec3f {
-    let light = lights.views[index];
+    let light = light_views.views[index];
     let point = in_light_view(light, sun, x);
     let faces = dot(n, select(light.origin - x, light.back, sun)) > 0.0;
     // Extent of a texel, and change of disparity over a depth difference of one side.
@@ -186,11 +197,11 @@ override SPHERES: bool = false;
 // Share of a light that passes the spheres on its straight way to x, as far as `nearer` slices before it. `part` of their optical
 // depth takes light away.
 fn passed_by_spheres(index: u32, x: vec3f, nearer: f32, part: vec3f) -> vec3f {
-    let grid = lights.sources[index].spheres;
-    if !SPHERES || grid.columns == 0u {
+    if !SPHERES || lights[index].spheres == NO_GRID {
         return vec3f(1.0);
     }
-    let at = in_light_grid(grid, x);
+    let grid = light_views.grids[index];
+    let at = in_light_grid(grid, lights[index].spheres, x);
     let slice = clamp(at.z * f32(LIGHT_SLICES) - nearer, 0.0, f32(LIGHT_SLICES));
     let inside = all(at.xy >= vec2f(0.0)) && all(at.xy <= vec2f(1.0)) && slice > 0.0;
     let column = at.xy * f32(grid.columns) - 0.5;

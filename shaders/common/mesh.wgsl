@@ -11,9 +11,9 @@
 // integers, because a device may flush small floats to 0.
 
 // A texture, because software adapters fetch a texel at once, but load each number of a buffer by itself.
-@group(2) @binding(6) var mesh_geometry: texture_2d<u32>;
+@group(2) @binding(7) var mesh_geometry: texture_2d<u32>;
 // Attributes of triangles, materials, and textures with their mip levels.
-@group(2) @binding(7) var<storage, read> mesh_surfaces: array<u32>;
+@group(2) @binding(8) var<storage, read> mesh_surfaces: array<u32>;
 
 const NO_TRIANGLE: u32 = 0xffffffffu;
 

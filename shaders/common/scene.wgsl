@@ -332,9 +332,9 @@ fn solid_radiance(
     }
     var irradiance_over_pi = ambient * scene.ambient;
     for (var i = 0u; i < LIGHTS; i++) {
-        let to_light = light_from(lights.sources[i], x);
+        let to_light = light_from(lights[i], x);
         let cos_theta = max(dot(shading_n, to_light.direction), 0.0);
-        var direct = lights.sources[i].power * cos_theta / (to_light.distance2 * 3.14159265);
+        var direct = lights[i].power * cos_theta / (to_light.distance2 * 3.14159265);
         if in_shadow(x, n, to_light, rounding) {
             direct = vec3f(0.0);
         }

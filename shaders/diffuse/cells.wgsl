@@ -32,7 +32,7 @@ fn light_cells(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     let x = params.cells_first + params.cells_side * (vec3f(cell) + 0.5);
     var light = irradiance_at(camera_pixel(camera_view_direction(x)), vec3f(0.0));
     for (var i = 0u; i < LIGHTS; i++) {
-        let to_light = light_from(lights.sources[i], x);
+        let to_light = light_from(lights[i], x);
         light += MEAN_PHASE * direct_light(i, x, 0.0, to_light, params.albedos[0].rgb);
     }
     light /= params.white;

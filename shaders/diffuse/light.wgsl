@@ -49,15 +49,14 @@ fn taken_by_spheres(albedo: vec3f) -> vec3f {
 // Irradiance over pi, of light number i, that neither solids nor the liquid block.
 fn direct_light(i: u32, x: vec3f, radius: f32, to_light: ToLight, albedo: vec3f) -> vec3f {
     let start = x + radius * to_light.direction;
-    if scene_blocks(start, to_light.direction, to_light.distance - radius) {
-        return vec3f(0.0);
-    }
-    let sun = lights.sources[i].kind == SUN;
-    let straight = VIEWS * i + select(0u, min(lights.sources[i].straight, 1u), STRAIGHT_VIEWS);
+    let is_lit = !scene_blocks(start, to_light.direction, to_light.distance - radius);
+    let sun = lights[i].kind == SUN;
+    let straight = VIEWS * i + select(0u, min(lights[i].straight, 1u), STRAIGHT_VIEWS);
     // Beside the surface that it floats on.
-    let dry = dry_share(straight, sun, x + params.radius * to_light.direction);
-    let through = params.mean_transmittance;
+    let dry = is_dry(straight, sun, x + params.radius * to_light.direction);
+    let through = select(params.mean_transmittance, 1.0, dry);
     // A sphere does not shade itself.
     let left = passed_by_spheres(i, start, 1.0, taken_by_spheres(albedo));
-    return left * mix(through, 1.0, dry) * lights.sources[i].power / (to_light.distance2 * PI);
+    let light = left * through * lights[i].power / (to_light.distance2 * PI);
+    return select(vec3f(0.0), light, is_lit);
 }

@@ -10,7 +10,6 @@ struct Params {
     absorption: vec3f,        // of the liquid, 1/m
     ior: f32,                 // of the liquid
     count: u32,
-    clear: u32,               // 1: the liquid lets light through
     mean_transmittance: f32,  // of the liquid's surface, for light from everywhere outside
     white: f32,               // radiance of which `sums` counts shares
     cells_first: vec3f,       // corner of the grid, relative to the eye, world axes, m: diffuse/cells.wgsl

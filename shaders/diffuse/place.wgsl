@@ -18,6 +18,9 @@ struct Large {
 // Foam that the smoothed surface has buried less deeply than this floats on it, in radii of the liquid's particles.
 const AFLOAT: f32 = 1.0;
 
+// Whether the liquid lets light through.
+override CLEAR: bool = true;
+
 const FOAM: u32 = 0u;
 
 const STEPS: u32 = 4u;
@@ -97,8 +100,8 @@ fn seen_sphere(x: vec3f, radius: f32, own: u32) -> Placed {
     }
     seen.traits = with_share_in_air(own, share);
     if share < 1.0 {
-        let is_inside = params.clear == 1u && depth_below(back_at(texel), omega, disparity) < radius;
-        if is_inside {
+        let is_inside = depth_below(back_at(texel), omega, disparity) < radius;
+        if CLEAR && is_inside {
             let through = seen_through(x);
             seen.pixel = through.xy;
             seen.way = through.z;

@@ -29,16 +29,16 @@ struct LitInterval {
 
 // Length of liquid between x and a light, m. The view of the caustic map looks along refracted light, if that differs.
 fn depth_in_light(index: u32, x: vec3f) -> f32 {
-    let sun = lights.sources[index].kind == SUN;
+    let sun = lights[index].kind == SUN;
     var view = VIEWS * index;
-    if lights.sources[index].map == 0u {
-        let straight = lights.sources[index].straight;
+    if lights[index].map == 0u {
+        let straight = lights[index].straight;
         view += min(straight, 1u);
         if straight == CUBE {
-            view += cube_face(x - lights.sources[index].place);
+            view += cube_face(x - lights[index].place);
         }
     }
-    let light = lights.views[view];
+    let light = light_views.views[view];
     let point = in_light_view(light, sun, x);
     var depth = 0.0;
     for (var i = 0; i < select(0, AROUND, point.inside); i++) {
@@ -78,7 +78,7 @@ struct Beam {
 
 // At `x` below the plane at `entry`. A lamp's way meets the plane at about its apparent depth.
 fn beam_at(index: u32, x: vec3f, entry: vec3f, normal: vec3f) -> Beam {
-    let light = lights.sources[index];
+    let light = lights[index];
     var at = entry;
     var beam: Beam;
     if light.kind != SUN {
@@ -107,7 +107,7 @@ fn spread_within(light: Light, to_light: ToLight, ratio: f32, length: vec3f) -> 
 
 fn light_scattered(index: u32, interval: LitInterval) -> vec3f {
     let end = interval.o + interval.length * interval.d;
-    let is_near = dot(interval.near, light_from(lights.sources[index], interval.o).direction) > 0.0;
+    let is_near = dot(interval.near, light_from(lights[index], interval.o).direction) > 0.0;
     let entry = select(end, interval.o, is_near);
     let normal = select(interval.far, interval.near, is_near);
     let beam = beam_at(index, entry, entry, normal);
@@ -115,9 +115,9 @@ fn light_scattered(index: u32, interval: LitInterval) -> vec3f {
     if !is_lit || beam.cos_t < 0.0 || in_shadow(entry, normal, beam.to_light, 0.0) {
         return vec3f(0.0);
     }
-    let power = lights.sources[index].power * passed_by_spheres(index, entry, 0.0, vec3f(1.0));
+    let power = lights[index].power * passed_by_spheres(index, entry, 0.0, vec3f(1.0));
     // A view along unrefracted light shows longer or shorter ways.
-    let is_straight = lights.sources[index].map == 1u && lights.sources[index].straight > 0u;
+    let is_straight = lights[index].map == 1u && lights[index].straight > 0u;
     let extinction = interval.extinction;
 
     // Once, at places in the middle of even shares of what the interval takes from green light.
@@ -128,7 +128,7 @@ fn light_scattered(index: u32, interval: LitInterval) -> vec3f {
         let at = -log(1.0 - (f32(k) + 0.5) / f32(LIT_PLACES) * taken) / rate;
         let x = interval.o + at * interval.d;
         let arrives = beam_at(index, x, entry, normal);
-        let cos_view = dot(normal, light_from(lights.sources[index], x).direction);
+        let cos_view = dot(normal, light_from(lights[index], x).direction);
         let depth = depth_in_light(index, x) * select(max(cos_view, 0.05) / arrives.cos_t, 1.0, is_straight);
         let scattered = arrives.irradiance * phase(dot(arrives.inside, interval.d));
         once += scattered * exp(rate * at - extinction * (at + depth)) * taken / rate;
@@ -148,7 +148,7 @@ fn light_scattered(index: u32, interval: LitInterval) -> vec3f {
     // About one transport mean free path deep.
     let path = 1.0 / max(extinction * (1.0 - interval.albedo * params.anisotropy), vec3f(1e-6));
     let deep = min(path, vec3f(0.5 * interval.length * interval.cosine));
-    let spread = spread_within(lights.sources[index], beam.to_light, beam.cos_i / beam.cos_t, deep);
+    let spread = spread_within(lights[index], beam.to_light, beam.cos_i / beam.cos_t, deep);
     let removed = 1.0 - exp(-extinction * interval.length);
     let again = params.ior * params.ior * share * flux * lit * removed / spread;
     return single + again;

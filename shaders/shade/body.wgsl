@@ -38,16 +38,16 @@ fn around_of(p: vec2i, body: Body) -> Around {
 // Share of a light that the body does not keep from itself. Its layers seen from the light say where that enters it; a place
 // counts as lit up to a particle radius below.
 fn own_light(index: u32, x: vec3f, n: vec3f) -> f32 {
-    let sun = lights.sources[index].kind == SUN;
+    let sun = lights[index].kind == SUN;
     var view = VIEWS * index;
     if STRAIGHT_VIEWS {
-        let straight = lights.sources[index].straight;
+        let straight = lights[index].straight;
         view += min(straight, 1u);
         if straight == CUBE {
-            view += cube_face(x - lights.sources[index].place);
+            view += cube_face(x - lights[index].place);
         }
     }
-    let light = lights.views[view];
+    let light = light_views.views[view];
     let point = in_light_view(light, sun, x + params.radius * n);
     let slack = params.radius * select(point.disparity * point.disparity, 1.0, sun);
     var dry = 0.0;
@@ -88,13 +88,13 @@ fn shade_body(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
     let x = camera_world_point(body.position);
     let n = camera_world_direction(body.normal);
     for (var i = 0u; i < LIGHTS; i++) {
-        let to_light = light_from(lights.sources[i], x);
+        let to_light = light_from(lights[i], x);
         let cos_i = dot(n, to_light.direction);
         if cos_i <= 0.0 || in_shadow(x, n, to_light, 0.0) {
             continue;
         }
         let reaches = own_light(i, x, n) * passed_by_spheres(i, x, 0.0, vec3f(1.0));
-        let irradiance = lights.sources[i].power * cos_i / to_light.distance2 * reaches;
+        let irradiance = lights[i].power * cos_i / to_light.distance2 * reaches;
         if !COATED {
             diffuse += irradiance / PI;
             continue;

@@ -42,12 +42,12 @@ pub struct Params {
     pub ior: f32,
     /// Number of spheres.
     pub count: u32,
-    /// 1 if the liquid lets light through.
-    pub clear: u32,
     /// Share of light from everywhere outside that enters the liquid.
     pub mean_transmittance: f32,
     /// Radiance of which sums count shares.
     pub white: f32,
+    /// Padding.
+    pub pad: u32,
     /// Corner of the cells relative to the eye, m.
     pub cells_first: [f32; 3],
     /// Side of a cell, m.
@@ -55,7 +55,7 @@ pub struct Params {
     /// Cells along each axis.
     pub cells_across: [u32; 3],
     /// Padding.
-    pub pad: u32,
+    pub pad_end: u32,
 }
 
 /// Threads of a workgroup.
@@ -104,8 +104,8 @@ pub struct DiffusePass {
     sums: [wgpu::ComputePipeline; 3],
     fill_cells: wgpu::ComputePipeline,
     light_cells: wgpu::ComputePipeline,
-    /// Group 1 of placing, adding and filling cells, by chunk, with its spheres.
-    chunks: Vec<(u32, wgpu::Buffer, [Bound; 3])>,
+    /// Group 1 of placing, covering, adding and filling cells, by chunk, with its spheres.
+    chunks: Vec<(u32, wgpu::Buffer, [Bound; 4])>,
     looks: Bound,
     cells: Bound,
     tiles: u32,
@@ -210,13 +210,13 @@ impl Params {
             absorption: Shares::of_absorption(scene).uniform().to_array(),
             ior,
             count: 0,
-            clear: u32::from(!scene.is_opaque()),
             mean_transmittance: slab::mean_transmittance(ior.into()) as f32,
             white: white(scene),
             cells_first,
             cells_side,
             cells_across,
             pad: 0,
+            pad_end: 0,
         }
     }
 }
@@ -259,6 +259,15 @@ impl DiffusePass {
             ];
             gpu.bind("placed spheres", &bindings)
         };
+        let bind_covering = |params: &wgpu::Buffer, seen: &Seen| {
+            let bindings = [
+                (gpu::uniform::<Params>(), params.as_entire_binding()),
+                (gpu::storage_read_write(8), images.opaque.as_entire_binding()),
+                (gpu::storage_of(PLACED), seen.placed.as_entire_binding()),
+                (gpu::storage_of(8), seen.large.as_entire_binding()),
+            ];
+            gpu.bind("covering spheres", &bindings)
+        };
         let bind_adding = |params: &wgpu::Buffer, seen: &Seen| {
             let [above, inside] = &images.sums;
             let bindings = [
@@ -268,7 +277,7 @@ impl DiffusePass {
                 (gpu::storage_of(8), seen.large.as_entire_binding()),
                 (gpu::storage_read_write(SUMS), above.as_entire_binding()),
                 (gpu::storage_read_write(SUMS), inside.as_entire_binding()),
-                (gpu::storage_read_write(8), images.opaque.as_entire_binding()),
+                (gpu::storage_of(8), images.opaque.as_entire_binding()),
                 (gpu::sampled(D2), TextureView(&planes)),
             ];
             gpu.bind("sums of spheres", &bindings)
@@ -287,6 +296,7 @@ impl DiffusePass {
             let params = gpu.buffer_with("diffuse", gpu::UNIFORM, &[params]);
             let bound = [
                 bind_placing(&params, chunk, seen),
+                bind_covering(&params, seen),
                 bind_adding(&params, seen),
                 bind_filling(&params, chunk),
             ];
@@ -323,17 +333,18 @@ impl DiffusePass {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
             gpu.kernel(shader, Default::default(), entry, &layouts, constants)
         };
-        let [placing, adding, filling] = &chunks[0].2;
+        let [placing, covering, adding, filling] = &chunks[0].2;
         let (plain, looking) =
             (constants(&eye.scene.variant, &[]), constants(&filtered, &[splash]));
-        let placed = constants(&eye.scene.variant, &[splash]);
+        let clear = ("CLEAR", f64::from(u8::from(!scene.is_opaque())));
+        let placed = constants(&eye.scene.variant, &[splash, clear]);
         let shown = ("SHOWN", f64::from(u8::from(eye.config().host)));
         let added = constants(&eye.scene.variant, &[shown]);
         let [place, around, small, cover, large, fill_cells, light_cells] = gpu.pipelines([
             kernel("diffuse/place.wgsl", "place", placing, &placed),
             kernel("diffuse/around.wgsl", "look_around", &looks, &looking),
             kernel("diffuse/sums.wgsl", "add_small", adding, &added),
-            kernel("diffuse/sums.wgsl", "cover", adding, &added),
+            kernel("diffuse/cover.wgsl", "cover", covering, &eye.camera.constants()),
             kernel("diffuse/sums.wgsl", "add_large", adding, &added),
             kernel("diffuse/fill_cells.wgsl", "fill_cells", filling, &eye.camera.constants()),
             kernel("diffuse/cells.wgsl", "light_cells", &cells, &plain),
@@ -376,7 +387,7 @@ impl DiffusePass {
             draw(&mut pass);
         };
         run(spheres * self.work, span.first(), &|pass| {
-            for (pipeline, which) in [(&self.place, 0), (&self.fill_cells, 2)] {
+            for (pipeline, which) in [(&self.place, 0), (&self.fill_cells, 3)] {
                 pass.set_pipeline(pipeline);
                 for (count, _, bound) in &self.chunks {
                     pass.set_bind_group(1, &bound[which].group, &[]);
@@ -392,11 +403,12 @@ impl DiffusePass {
         });
         run(spheres * self.work, span.last(), &|pass| {
             let [small, cover, large] = &self.sums;
-            for pipeline in [cover, small, large] {
+            for (pipeline, which, is_small) in
+                [(cover, 1, false), (small, 2, true), (large, 2, false)]
+            {
                 pass.set_pipeline(pipeline);
-                for (count, _, [_, adding, _]) in &self.chunks {
-                    pass.set_bind_group(1, &adding.group, &[]);
-                    let is_small = std::ptr::eq(pipeline, small);
+                for (count, _, bound) in &self.chunks {
+                    pass.set_bind_group(1, &bound[which].group, &[]);
                     let groups = if is_small { count.div_ceil(THREADS) } else { LARGE_GROUPS };
                     gpu::dispatch(pass, groups);
                 }

@@ -91,10 +91,10 @@ pub struct LightData {
     pub straight: u32,
     /// 1 if it has a caustic map.
     pub map: u32,
+    /// Shape of its columns through foam, spray and bubbles; 0 without.
+    pub spheres: u32,
     /// Padding.
-    pub pad: [u32; 3],
-    /// Columns through foam, spray and bubbles.
-    pub spheres: LightGridData,
+    pub pad: [u32; 2],
 }
 
 /// `LightView` of `common/lights.wgsl`.
@@ -128,14 +128,14 @@ pub struct LightViewData {
 /// Most views of a light: its map's, then the faces of a cube around it.
 pub const LIGHT_VIEWS: usize = 1 + CUBE;
 
-/// `Lights` of `common/lights.wgsl`.
+/// `LightViews` of `common/lights.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct LightsData {
-    /// The scene's lights.
-    pub sources: [LightData; MAX_LIGHTS],
-    /// The views of each.
+pub struct LightViewsData {
+    /// The views of each light.
     pub views: [LightViewData; MAX_LIGHTS * LIGHT_VIEWS],
+    /// Columns of each light through foam, spray and bubbles.
+    pub grids: [LightGridData; MAX_LIGHTS],
 }
 
 /// Specialisation of pipelines that use the scene: the constants of `common/scene.wgsl`.
@@ -234,6 +234,7 @@ pub struct SceneBinding {
     pub variant: SceneVariant,
     solids: wgpu::Buffer,
     lights: wgpu::Buffer,
+    light_views: wgpu::Buffer,
     environment: Environment,
     maps: Option<LightMaps>,
     meshes: Option<(wgpu::TextureView, wgpu::Buffer)>,
@@ -255,25 +256,38 @@ impl SceneBinding {
         let bindings = [
             gpu::uniform::<SceneUniform>(),
             gpu::uniform::<[SolidData; MAX_SOLIDS]>(),
-            gpu.branching::<LightsData>(),
+            gpu.branching::<[LightData; MAX_LIGHTS]>(),
             gpu::sampled(D2),
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
+            gpu::uniform::<LightViewsData>(),
             gpu::sampled_integers(),
             gpu::storage::<u32>(),
             gpu::storage::<u32>(),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
         let solids = gpu.uniform_buffer::<[SolidData; MAX_SOLIDS]>("solids");
-        let lights = gpu.uniform_buffer::<LightsData>("lights");
+        let lights = gpu.uniform_buffer::<[LightData; MAX_LIGHTS]>("lights");
+        let light_views = gpu.uniform_buffer::<LightViewsData>("light views");
         let environment = Environment::default();
-        let buffers = [&solids, &lights];
+        let buffers = [&solids, &lights, &light_views];
         let none = MeshBuffers::new(gpu);
         let sphere_depths = gpu.buffer_with("no spheres", wgpu::BufferUsages::STORAGE, &[0u32]);
         let group = bind(gpu, &layout, buffers, &environment, (None, &none, &sphere_depths));
         let variant = SceneVariant::default();
         let (maps, meshes) = (None, None);
-        Self { layout, group, variant, solids, lights, environment, maps, meshes, sphere_depths }
+        Self {
+            layout,
+            group,
+            variant,
+            solids,
+            lights,
+            light_views,
+            environment,
+            maps,
+            meshes,
+            sphere_depths,
+        }
     }
 
     /// Uploads a scene's solids and lights relative to `eye`, the lights' views, and the environment if it
@@ -292,28 +306,30 @@ impl SceneBinding {
             .collect();
         solids.sort_by_key(|solid| solid.shape == MESH);
         let mut lights: Vec<_> = scene.lights.iter().map(|light| light_data(light, eye)).collect();
-        for (light, grid) in lights.iter_mut().zip(shadows.map_or(&[][..], Shadows::grids)) {
-            light.spheres = grid.data(eye);
+        let grids = shadows.map_or(&[][..], Shadows::grids);
+        for (light, grid) in lights.iter_mut().zip(grids) {
+            light.spheres = grid.shape();
         }
-        let mut views_of_lights = vec![LightViewData::zeroed(); LIGHT_VIEWS * lights.len()];
+        let grids: Vec<_> = grids.iter().map(|grid| grid.data(eye)).collect();
+        let mut light_views = vec![LightViewData::zeroed(); LIGHT_VIEWS * lights.len()];
         for placed in views {
-            views_of_lights[LIGHT_VIEWS * placed.light + placed.slot] =
-                light_view_data(placed, eye);
+            light_views[LIGHT_VIEWS * placed.light + placed.slot] = light_view_data(placed, eye);
             let light = &mut lights[placed.light];
             light.map |= u32::from(placed.slot == 0);
             light.straight = light.straight.max(placed.straight);
         }
         gpu.queue.write_buffer(&self.solids, 0, bytemuck::cast_slice(&solids));
         gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
-        let views_at = mem::offset_of!(LightsData, views) as u64;
-        gpu.queue.write_buffer(&self.lights, views_at, bytemuck::cast_slice(&views_of_lights));
+        gpu.queue.write_buffer(&self.light_views, 0, bytemuck::cast_slice(&light_views));
+        let grids_at = mem::offset_of!(LightViewsData, grids) as u64;
+        gpu.queue.write_buffer(&self.light_views, grids_at, bytemuck::cast_slice(&grids));
         let mesh_buffers = Some((meshes.geometry.clone(), meshes.surfaces.clone()));
         let same_environment = self.environment == scene.environment;
         let sphere_depths = shadows.map_or(&self.sphere_depths, |shadows| &shadows.depths).clone();
         let same_buffers = self.meshes == mesh_buffers && self.sphere_depths == sphere_depths;
         if !same_environment || self.maps.as_ref() != maps || !same_buffers {
             let environment = &scene.environment;
-            let buffers = [&self.solids, &self.lights];
+            let buffers = [&self.solids, &self.lights, &self.light_views];
             let bound = (maps, meshes, &sphere_depths);
             self.group = bind(gpu, &self.layout, buffers, environment, bound);
             self.environment = environment.clone();
@@ -330,7 +346,7 @@ impl SceneBinding {
 fn bind(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
-    [solids, lights]: [&wgpu::Buffer; 2],
+    [solids, lights, light_views]: [&wgpu::Buffer; 3],
     environment: &Environment,
     (light_maps, meshes, sphere_depths): (Option<&LightMaps>, &MeshBuffers, &wgpu::Buffer),
 ) -> wgpu::BindGroup {
@@ -385,6 +401,7 @@ fn bind(
         wgpu::BindingResource::TextureView(&map.create_view(&Default::default())),
         wgpu::BindingResource::TextureView(&maps),
         wgpu::BindingResource::TextureView(&receivers),
+        light_views.as_entire_binding(),
         wgpu::BindingResource::TextureView(&meshes.geometry),
         meshes.surfaces.as_entire_binding(),
         sphere_depths.as_entire_binding(),

@@ -13,7 +13,7 @@ use crate::scene::{Light, MAX_LIGHTS};
 pub struct LightGridData {
     /// Axes: along the sides of the grid and away from the light. Of a sun, in shares of the grid per metre.
     pub right: [f32; 3],
-    /// Columns along a side; 0 without spheres.
+    /// Columns along a side.
     pub columns: u32,
     /// The second axis.
     pub up: [f32; 3],
@@ -129,6 +129,15 @@ impl LightGrid {
         }
     }
 
+    /// Its shape in `common/light_grid.wgsl`: of a sun a box, of a lamp a frustum or an octahedron.
+    pub fn shape(&self) -> u32 {
+        match self.distances[1] {
+            0.0 => 1,
+            scale if scale > 0.0 => 2,
+            _ => 3,
+        }
+    }
+
     /// The grid relative to an eye.
     pub fn data(&self, eye: DVec3) -> LightGridData {
         let Self { origin, axes, columns, first, distances } = *self;
@@ -171,7 +180,7 @@ impl Shadows {
             params.count = chunk.count;
             let params = gpu.buffer_with("shadows", gpu::UNIFORM, &[params]);
             let bindings = [
-                (gpu::uniform::<ShadowParams>(), params.as_entire_binding()),
+                (gpu.branching::<ShadowParams>(), params.as_entire_binding()),
                 (gpu::storage_of(16), chunk.spheres.as_entire_binding()),
                 (gpu::storage::<u32>(), chunk.traits.as_entire_binding()),
                 (gpu::storage_read_write(4), depths.as_entire_binding()),

@@ -55,10 +55,6 @@ impl Kind for sphere_shadows::LightGridData {
     const KIND: ScalarKind = ScalarKind::Float;
 }
 
-impl Kind for scene_binding::LightData {
-    const KIND: ScalarKind = ScalarKind::Float;
-}
-
 impl Kind for scene_binding::LightViewData {
     const KIND: ScalarKind = ScalarKind::Float;
 }
@@ -172,7 +168,7 @@ fn camera_and_scene() -> Vec<Shared> {
         number,
     });
     let light =
-        rust_struct!(scene_binding::LightData { place, kind, power, straight, map, pad, spheres });
+        rust_struct!(scene_binding::LightData { place, kind, power, straight, map, spheres, pad });
     let light_grid = rust_struct!(sphere_shadows::LightGridData {
         right,
         columns,
@@ -196,7 +192,7 @@ fn camera_and_scene() -> Vec<Shared> {
         height,
         layer,
     });
-    let lights = rust_struct!(scene_binding::LightsData { sources, views });
+    let light_views = rust_struct!(scene_binding::LightViewsData { views, grids });
     vec![
         (camera, "splat/layers.wgsl", "Camera"),
         (scene, "gbuffer.wgsl", "Scene"),
@@ -204,7 +200,7 @@ fn camera_and_scene() -> Vec<Shared> {
         (light, "gbuffer.wgsl", "Light"),
         (light_grid, "gbuffer.wgsl", "LightGrid"),
         (light_view, "gbuffer.wgsl", "LightView"),
-        (lights, "gbuffer.wgsl", "Lights"),
+        (light_views, "gbuffer.wgsl", "LightViews"),
     ]
 }
 
@@ -281,13 +277,13 @@ fn passes() -> Vec<Shared> {
         absorption,
         ior,
         count,
-        clear,
         mean_transmittance,
         white,
+        pad,
         cells_first,
         cells_side,
         cells_across,
-        pad,
+        pad_end,
     });
     let shadows = rust_struct!(sphere_shadows::ShadowParams { origin, count, lights, pad, grids });
     let turbid = rust_struct!(turbid::Params { absorption, radius, scattering, ior });

@@ -112,6 +112,13 @@ fn kind_of(i: usize, liquid: &str) -> Kind {
     Kind { scene, camera, particles, size, diagnose: i.is_multiple_of(11), foam: None }
 }
 
+/// The kind with a sphere of foam above each particle.
+fn under_foam(mut kind: Kind) -> Kind {
+    let above = kind.particles.positions.iter().map(|&p| p + 0.1 * Vec3::Y).collect();
+    kind.foam = Some(Arc::new(Diffuse::from_positions(above, 0.004)));
+    kind
+}
+
 impl Kind {
     fn draw(&self, offscreen: &mut Offscreen) -> image::RgbImage {
         let splats = classify::classify(&self.particles, 0.04, &self.scene.settings.classify);
@@ -231,6 +238,26 @@ fn resources_and_pictures_are_stable() {
     assert!(growth(&objects) <= 0.0, "objects on the device grow: {objects:?}");
 }
 
+/// Foam under a moving camera keeps the memory of the process: software adapters compile a shader anew, and keep it, for each
+/// submission that binds a uniform buffer on which alone a branch depends.
+#[test]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
+fn shaders_of_foam_are_compiled_once() {
+    let Some(gpu) = gpu() else { return };
+    let _lock = exclusive();
+    let mut offscreen = Offscreen::new(gpu);
+    let mut kind = under_foam(kind(2));
+    kind.size = UVec2::new(64, 48);
+    let mut used = Vec::new();
+    for _ in 0..120 {
+        kind.camera.eye.x += 0.001;
+        kind.draw(&mut offscreen);
+        used.push(Usage::now(gpu).process);
+    }
+    let growth = growth(&used[20..]);
+    assert!(growth <= 0.01 * used[20], "process memory grows by {growth} bytes: {used:?}");
+}
+
 /// The renderer needs only the WebGPU core: on a device without optional features and with the default
 /// limits, each setting gives the same picture as on a device with all the adapter's capabilities.
 #[test]
@@ -264,11 +291,9 @@ fn the_webgpu_core_is_sufficient() {
         "scattering = [40.0, 40.0, 40.0]\n",
         "kind = \"opaque\"\n",
     ] {
-        let mut kind = kind_of(2, liquid);
-        let places = kind.particles.positions.clone();
-        kind.particles.colors = Some(places.iter().map(|p| p.abs().min(Vec3::ONE)).collect());
-        let above = places.iter().map(|&p| p + 0.1 * Vec3::Y).collect();
-        kind.foam = Some(Arc::new(Diffuse::from_positions(above, 0.004)));
+        let mut kind = under_foam(kind_of(2, liquid));
+        let colors = kind.particles.positions.iter().map(|p| p.abs().min(Vec3::ONE));
+        kind.particles.colors = Some(colors.collect());
         assert!(kind.draw(&mut all) == kind.draw(&mut core), "under foam: {liquid:?}");
     }
 }

@@ -73,7 +73,16 @@ pub(crate) fn assert_roots_are_valid(library: Library) {
         let stored = Words { stored_uniforms: true, stored_layers: true, ..GUARDED };
         let stored = library.source(root, stored);
         // A new uniform must be added here or become `$branching`.
-        let plain = ["camera", "scene", "solids", "params", "absorptions", "coloring", "color_map"];
+        let plain = [
+            "camera",
+            "scene",
+            "solids",
+            "light_views",
+            "params",
+            "absorptions",
+            "coloring",
+            "color_map",
+        ];
         for (_, uniform) in stored.match_indices("var<uniform>").map(|(at, _)| stored.split_at(at))
         {
             let name = uniform.trim_start_matches("var<uniform> ").split(':').next();
