@@ -7,6 +7,7 @@ use glam::dcamera::rh::proj::directx::{
 };
 use glam::{DMat4, DVec2, DVec3, Quat, UVec2, Vec3};
 use limpid::camera::{Camera, Projection, View};
+use limpid::diffuse::Diffuse;
 use limpid::environment::Environment;
 use limpid::frame::FrameInput;
 use limpid::host::{Host, HostRays};
@@ -257,6 +258,50 @@ fn transparent_pictures_hold_the_liquid_alone() {
         filled += usize::from(liquid && alpha == 255);
     }
     assert!(filled > 500, "{filled} pixels of liquid");
+}
+
+/// A host's depth hides foam by the pixel as the solids that it shows do; without its depth all foam is seen.
+#[test]
+fn hosts_hide_foam() {
+    let Some(mut harness) = harness() else { return };
+    let harness = &mut *harness;
+    let (scene, _, camera) = world();
+    let nothing = Splats { radius: 1.0, ..Splats::default() };
+    let view = View::from(&camera);
+    let host = host_of(&harness.gpu, &mut harness.renderer, &scene, view, SIZE, usual());
+    // Before and behind the ball, as seen from the eye: a large sphere, and a row of small ones across its rim. They are black, as
+    // a host's solids light no foam.
+    let ball = Vec3::new(0.5, -0.6, -1.5);
+    let eye = camera.eye.as_vec3();
+    let at = |way: f32, beside: f32| eye.lerp(ball, way) + beside * Vec3::X;
+    let row = (0..60).map(|i| 0.02 * (i - 30) as f32);
+    let small = row.flat_map(|x| [at(0.9, x), at(1.2, x)]);
+    let places: Vec<_> = [at(0.8, 0.0), at(1.2, 0.1)].into_iter().chain(small).collect();
+    let radii = (0..places.len()).map(|i| if i < 2 { 0.1 } else { 0.01 }).collect();
+    let foam = Diffuse { radii, colors: [Vec3::ZERO; 4], ..Diffuse::from_positions(places, 0.1) };
+    let foam = Arc::new(foam);
+    let unknown = Scene { solids: Vec::new(), ..scene.clone() };
+    let mut draw = |scene: &Scene, host: Option<&Host>, diffuse: Option<&Arc<Diffuse>>| {
+        let input = FrameInput { host, diffuse, ..diagnosed(scene, view, &nothing, SIZE) };
+        render(&harness.gpu, &mut harness.renderer, input)
+    };
+    let known = draw(&scene, None, Some(&foam));
+    let shown = draw(&unknown, Some(&host), Some(&foam));
+    let without = draw(&unknown, Some(&host), None);
+    let (same, other) = (mean_difference(&known, &shown), mean_difference(&without, &shown));
+    assert!(same < 0.1 * other, "{same} from that of known solids, {other} from that without foam");
+
+    // A checker that can fail: nothing is hidden by a depth that was cleared.
+    let cleared = vec![0.0; (SIZE.x * SIZE.y) as usize];
+    let depth = texture(&harness.gpu, SIZE, wgpu::TextureFormat::R32Float, &cleared);
+    let flat = Host { depth, ..host };
+    let input = FrameInput {
+        host: Some(&flat),
+        diffuse: Some(&foam),
+        ..diagnosed(&unknown, view, &nothing, SIZE)
+    };
+    let seen = render(&harness.gpu, &mut harness.renderer, input);
+    assert!(mean_difference(&known, &seen) > 0.1 * other, "{}", mean_difference(&known, &seen));
 }
 
 /// Views that cannot be a host's are refused with what is wrong.

@@ -18,7 +18,7 @@ use limpid::diffuse::Diffuse;
 use limpid::frame::FrameInput;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
-use limpid::liquid::classify;
+use limpid::liquid::classify::{self, Splats};
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid::wgpu;
@@ -265,19 +265,7 @@ fn shaders_of_foam_are_compiled_once() {
 fn the_webgpu_core_is_sufficient() {
     let Some(gpu) = gpu() else { return };
     let _lock = exclusive();
-    let wanted = gpu.device.adapter_info();
-    let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    let adapters = wgpu::Instance::new(descriptor).enumerate_adapters(wanted.backend.into());
-    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
-    let adapter = adapter.expect("the adapter of the other device");
-    let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-        required_features: wgpu::Features::empty(),
-        required_limits: wgpu::Limits::default(),
-        ..Default::default()
-    }))
-    .expect("a device with WebGPU's limits");
-    // Its errors panic, as wgpu does without an error callback.
-    let core = Gpu::from_device(device, queue);
+    let core = limited(gpu, wgpu::Limits::default());
     let (mut all, mut core) = (Offscreen::new(gpu), Offscreen::new(&core));
     // Each of the settings, with lights.
     for i in (0..).map(|i| 3 * i + 2).take(SETTINGS.len()) {
@@ -296,6 +284,43 @@ fn the_webgpu_core_is_sufficient() {
         kind.particles.colors = Some(colors.collect());
         assert!(kind.draw(&mut all) == kind.draw(&mut core), "under foam: {liquid:?}");
     }
+}
+
+/// A device of the same adapter with these limits and no features. Its errors panic, as wgpu does without an error callback.
+fn limited(gpu: &Gpu, required_limits: wgpu::Limits) -> Gpu {
+    let wanted = gpu.device.adapter_info();
+    let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    let adapters = wgpu::Instance::new(descriptor).enumerate_adapters(wanted.backend.into());
+    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
+    let adapter = adapter.expect("the adapter of the other device");
+    let descriptor = wgpu::DeviceDescriptor {
+        required_features: wgpu::Features::empty(),
+        required_limits,
+        ..Default::default()
+    };
+    let device = pollster::block_on(adapter.request_device(&descriptor));
+    let (device, queue) = device.expect("a device with these limits");
+    Gpu::from_device(device, queue)
+}
+
+/// A picture whose sums of foam exceed what the device binds is refused with the remedies, and drawn without foam.
+#[test]
+fn foam_beyond_a_binding_is_refused() {
+    let Some(gpu) = gpu() else { return };
+    let _lock = exclusive();
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..Default::default() };
+    let gpu = limited(gpu, limits);
+    let mut offscreen = Offscreen::new(&gpu);
+    let mut kind = kind(0);
+    kind.size = UVec2::new(320, 240);
+    kind.draw(&mut offscreen);
+    let kind = under_foam(kind);
+    let splats = Splats { radius: 0.04, ..Splats::default() };
+    let input = FrameInput::new(&kind.scene, &kind.camera, &splats, kind.size);
+    let drawn = offscreen.draw(FrameInput { diffuse: kind.foam.as_ref(), ..input });
+    let Err(refused) = drawn else { panic!("its sums have 1,228,800 bytes") };
+    let refused = refused.to_string();
+    assert!(refused.contains("320x240") && refused.contains("draw without foam"), "{refused}");
 }
 
 /// The measures of [`resources_and_pictures_are_stable`] detect growth, changes and leaks.

@@ -61,9 +61,20 @@ fn pixels() -> impl Iterator<Item = UVec2> {
 }
 
 fn draw(gpu: &Gpu, scene: &Scene, splats: &Splats, camera: &Camera, foam: Diffuse) -> Image {
+    draw_at(gpu, scene, splats, camera, foam, SIZE)
+}
+
+fn draw_at(
+    gpu: &Gpu,
+    scene: &Scene,
+    splats: &Splats,
+    camera: &Camera,
+    foam: Diffuse,
+    size: UVec2,
+) -> Image {
     let foam = Arc::new(foam);
     let mut offscreen = Offscreen::new(gpu);
-    let input = FrameInput::new(scene, camera, splats, SIZE);
+    let input = FrameInput::new(scene, camera, splats, size);
     offscreen.draw(FrameInput { diffuse: Some(&foam), ..input }).expect("the frame is drawn");
     Image(offscreen.radiance().expect("the picture is read"))
 }
@@ -389,6 +400,66 @@ fn the_image_of_foam_is_its_coverage() {
     assert_eq!(image.sum("diffuse.liquid"), 0.0);
     offscreen.draw(input).expect("the frame is drawn");
     assert_eq!(offscreen.images(&[Aov::Diffuse]).expect("nothing is read"), []);
+}
+
+/// Drifting spheres of 0.2 to 4 pixels change pictures from frame to frame as they change pictures of four times the resolution,
+/// averaged to the same pixels: within 5 %.
+#[test]
+fn drifting_spheres_do_not_flicker() {
+    const FINE: u32 = 4;
+    let Some(gpu) = gpu() else { return };
+    let mut random = Random::new(7);
+    let mut uniform = |low: f64, high: f64| low + (high - low) * random.unit();
+    let side = 4.0 * pixel();
+    let place = |x: f64, y: f64| DVec3::new(x, y, 0.0).as_vec3();
+    let spheres: Vec<_> = (0..300)
+        .map(|_| {
+            let at = place(uniform(-0.6, 0.6), uniform(-0.5, 0.5));
+            let moved = place(uniform(-0.5, 0.5) * side, uniform(-0.5, 0.5) * side);
+            (at, moved, uniform(0.2f64.ln(), 4f64.ln()).exp() * side)
+        })
+        .collect();
+    let frame = |i: usize| {
+        let at = spheres.iter().map(|&(at, moved, _)| at + i as f32 * moved).collect();
+        let radii = spheres.iter().map(|&(.., radius)| radius as f32).collect();
+        Diffuse { radii, ..Diffuse::from_positions(at, 0.1) }
+    };
+    let covered = |i: usize, fine: u32| {
+        let size = fine * SIZE;
+        let image = draw_at(&gpu, &alone(), &no_liquid(), &camera(), frame(i), size);
+        let mut sums = vec![0.0; SIZE.element_product() as usize];
+        for (k, &alpha) in (0..).zip(image.channel("A")) {
+            let p = UVec2::new(k % size.x, k / size.x) / fine;
+            sums[(p.y * SIZE.x + p.x) as usize] += f64::from(alpha) / f64::from(fine * fine);
+        }
+        sums
+    };
+    let change = |fine: u32| {
+        let frames: Vec<_> = (0..4).map(|i| covered(i, fine)).collect();
+        let pairs = frames.windows(2).flat_map(|pair| pair[0].iter().zip(&pair[1]));
+        pairs.map(|(a, b)| (a - b).abs()).sum::<f64>()
+    };
+    let ratio = change(1) / change(FINE);
+    assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+}
+
+/// Pictures of a sequence show a sphere come and go as its opacity does, from nothing to nothing.
+#[test]
+fn spheres_fade_as_they_age() {
+    let Some(gpu) = gpu() else { return };
+    let at = |age: f32| {
+        let foam = Diffuse::from_positions(vec![Vec3::ZERO], (1.3 * 4.0 * pixel()) as f32);
+        Diffuse { ages: Some(vec![age]), lifetimes: Some(vec![1.0 - age]), ..foam }
+    };
+    let covered = |age: f32| draw(&gpu, &alone(), &no_liquid(), &camera(), at(age)).sum("A");
+    let whole = covered(0.5);
+    for i in 0..=10 {
+        let age = 0.1 * i as f32;
+        let share = covered(age) / whole;
+        let expected = f64::from(at(age).opacity(0));
+        assert!((share - expected).abs() < 0.02, "{age} s: {share} of {expected}");
+    }
+    assert_eq!((covered(0.0), covered(1.0)), (0.0, 0.0));
 }
 
 /// A renderer that reuses passes draws foam that comes, changes and goes.
