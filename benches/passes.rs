@@ -2,7 +2,7 @@
 //! timestamps, and of whole frames by the clock; then frame time against the number of particles.
 //!
 //! Each figure is the median of several frames in one run, with the minimum and the maximum. Scenes
-//! are `demo`, `cascade` (40,000 particles), `million` (1,056,000), `ten-million` (the curve with ten million; only if named, for it takes
+//! are `demo`, `cascade` (40,000 particles), `foam` (`cascade` with 500,000 spheres of foam; only if named), `million` (1,056,000), `ten-million` (the curve with ten million; only if named, for it takes
 //! minutes and 4 GiB), and `front` if the reference scenes are available
 //! (`LIMPID_REFERENCE`, default `../shared/reference` beside the checkout):
 //!
@@ -21,10 +21,13 @@ mod support;
 
 use std::env;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use limpid::camera::Camera;
+use limpid::diffuse::Diffuse;
 use limpid::frame::FrameInput;
+use limpid::glam::Vec3;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{self, Splats};
 use limpid::offscreen::Picture;
@@ -37,6 +40,9 @@ use support::{COUNTS, Swell, TEN_MILLION};
 
 /// The scenes and the curve, in this order.
 const ALL: [&str; 5] = ["demo", "cascade", "front", "million", "curve"];
+
+/// Spheres of `foam`.
+const SPHERES: usize = 500_000;
 
 fn main() -> limpid_io::Result<()> {
     let options = Options::parse(&ALL, 5);
@@ -63,6 +69,7 @@ struct Subject {
     scene: Scene,
     camera: Camera,
     splats: Splats,
+    foam: Option<Arc<Diffuse>>,
 }
 
 impl Subject {
@@ -72,6 +79,10 @@ impl Subject {
         let file = match name {
             "demo" => return Self::of(name, Input::demo()?, settings).map(Some),
             "million" => return Self::swell(COUNTS[3], settings).map(Some),
+            "foam" => {
+                let subject = Self::named("cascade", settings)?;
+                return Ok(subject.map(|subject| subject.under_foam(name)));
+            }
             "cascade" => repository.join("sims/cascade.toml"),
             "front" => {
                 let folder = env::var_os("LIMPID_REFERENCE").map(PathBuf::from);
@@ -95,7 +106,7 @@ impl Subject {
         let camera = project.camera_for(loaded.bulk.bounds);
         let scene = project.scene;
         let (name, particles) = (name.into(), loaded.particles);
-        Ok(Self { name, particles, scene, camera, splats: loaded.splats })
+        Ok(Self { name, particles, scene, camera, splats: loaded.splats, foam: None })
     }
 
     fn swell(count: usize, settings: &[String]) -> limpid_io::Result<Self> {
@@ -109,7 +120,24 @@ impl Subject {
         let scene = project.scene;
         let mut splats = classify::classify(&particles, radius, &scene.settings.classify);
         classify::add_wall_contacts(&mut splats, &scene.solids, scene.settings.classify.wetting);
-        Ok(Self { name: "swell".into(), particles: particles.len(), scene, camera, splats })
+        let (name, particles) = ("swell".into(), particles.len());
+        Ok(Self { name, particles, scene, camera, splats, foam: None })
+    }
+
+    /// The subject with spheres of foam, a twentieth as wide as particles and as many around each.
+    fn under_foam(self, name: &str) -> Self {
+        let centres: Vec<_> = self.splats.aggregates.iter().map(|splat| splat.centre).collect();
+        let radius = self.splats.radius;
+        // Evenly in a cube (M. Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018).
+        let sphere = |i: usize| {
+            let share = |step: f64| (i as f64 * step).fract() as f32 - 0.5;
+            let beside = Vec3::new(share(0.8191725134), share(0.6710436067), share(0.5497004779));
+            Vec3::from(centres[i % centres.len()]) + 4.0 * radius * beside
+        };
+        let positions = (0..SPHERES).map(sphere).collect();
+        let foam = Diffuse::from_positions(positions, 0.05 * radius);
+        let foam = Diffuse { origin: self.splats.origin, ..foam };
+        Self { name: name.into(), foam: Some(Arc::new(foam)), ..self }
     }
 }
 
@@ -123,14 +151,15 @@ struct Times {
 }
 
 fn measure(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid_io::Result<Times> {
-    let Subject { scene, camera, splats, .. } = subject;
+    let Subject { scene, camera, splats, foam, .. } = subject;
     let size = options.size;
     let picture = Picture::new(gpu, size)?;
     let mut renderer = Renderer::new(gpu);
     let mut draw = |timing: bool| {
         let start = Instant::now();
         let input = FrameInput::new(scene, camera, splats, size);
-        let passes = renderer.render(FrameInput { timing, ..input }, &picture)?;
+        let input = FrameInput { timing, diffuse: foam.as_ref(), ..input };
+        let passes = renderer.render(input, &picture)?;
         picture.read(gpu)?;
         Ok::<_, limpid_io::Error>((passes, start.elapsed().as_secs_f64() * 1e3))
     };

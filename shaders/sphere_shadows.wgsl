@@ -70,14 +70,15 @@ fn shade(grid: LightGrid, x: vec3f, radius: f32, opacity: f32) {
 
 @compute @workgroup_size(64)
 fn shade_columns(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let index = group_index(group) * 64u + local;
+    // A workgroup has one light, whose grid software adapters load once for all threads, as none has left before.
+    let number = group_index(group);
+    let grid = params.grids[number % params.lights];
+    let index = number / params.lights * 64u + local;
     if index >= params.count || traits[index] <= 3u {
         return;
     }
     let opacity = f32((traits[index] >> 2u) & 0xffffu) / 65535.0;
-    for (var i = 0u; i < params.lights; i++) {
-        shade(params.grids[i], params.origin + spheres[index].xyz, spheres[index].w, opacity);
-    }
+    shade(grid, params.origin + spheres[index].xyz, spheres[index].w, opacity);
 }
 
 @compute @workgroup_size(64)

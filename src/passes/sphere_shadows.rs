@@ -213,7 +213,7 @@ impl Shadows {
         pass.set_pipeline(&self.shade);
         for (count, bound) in &self.chunks {
             pass.set_bind_group(0, &bound.group, &[]);
-            gpu::dispatch(&mut pass, count.div_ceil(THREADS));
+            gpu::dispatch(&mut pass, count.div_ceil(THREADS) * self.grids.len() as u32);
         }
         pass.set_pipeline(&self.sum);
         let columns = (self.depths.size() / u64::from(4 * SLICES)) as u32;

@@ -61,13 +61,14 @@ fn usual_bounds(diffuse: &Diffuse) -> [Vec3; 2] {
     let count = diffuse.len().min(SAMPLE);
     let number = |k: usize| ((k as f64 * 0.618_033_988_75).fract() * diffuse.len() as f64) as usize;
     let number = |k: usize| if count == diffuse.len() { k } else { number(k) };
+    let largest = diffuse.radii.iter().copied().fold(0.0, f32::max);
     let mut usual = all;
     for axis in 0..3 {
         let mut sample: Vec<f32> = (0..count).map(|k| diffuse.positions[number(k)][axis]).collect();
         sample.sort_by(f32::total_cmp);
         let cut = (OUTLYING * sample.len() as f64) as usize;
         if let [low, .., high] = sample[cut..sample.len() - cut] {
-            let margin = FAR * (high - low);
+            let margin = FAR * (high - low) + largest;
             usual[0][axis] = all[0][axis].max(low - margin);
             usual[1][axis] = all[1][axis].min(high + margin);
         }

@@ -4,7 +4,7 @@ use super::library::KnownLoop;
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-pub(super) const LOOPS: [KnownLoop; 216] = [
+pub(super) const LOOPS: [KnownLoop; 215] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -134,7 +134,6 @@ pub(super) const LOOPS: [KnownLoop; 216] = [
     ("refract/diffuse.wgsl", "spheres_along", "for (var i = 0u; i < select(MOST_CELLS, 0u, is_none) && t < end && passed > DARK_WAY; i++)", "a constant"),
     ("sphere_shadows.wgsl", "shade", "for (var v = low.y; v <= high.y; v++)", "34 columns"),
     ("sphere_shadows.wgsl", "shade", "for (var u = low.x; u <= high.x; u++)", "34 columns"),
-    ("sphere_shadows.wgsl", "shade_columns", "for (var i = 0u; i < params.lights; i++)", "the lights, 16 at most"),
     ("sphere_shadows.wgsl", "sum_columns", "for (var i = 0u; i < LIGHT_SLICES; i++)", "a constant"),
     ("diffuse/cells.wgsl", "light_cells", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
     ("diffuse/fill_cells.wgsl", "fill_cells", "for (var z = low.z; z <= high.z; z++)", "10 cells"),
