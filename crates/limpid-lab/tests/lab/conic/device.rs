@@ -412,7 +412,7 @@ fn gathered_map_matches_the_reference() {
 
     let camera = support::uniform(gpu, &view);
     let absorption = DVec3::new(0.1, 0.2, 0.4);
-    let mut params = [0.0; 24];
+    let mut params = [0.0; 32];
     params[..5].copy_from_slice(&[0.1, 0.2, 0.4, WATER as f32, 0.1]);
     let params_buffer = support::uniform(gpu, &params);
     params[4] = 0.01;
