@@ -393,15 +393,18 @@ impl Renderer {
         }
         if let Some(motion) = input.surface {
             let FrameInput { view, size, .. } = input;
-            let params = surface::Params::new(&view, motion, size, input.splats.radius);
+            let before = surface::Before::new(&view, motion, size, input.splats.radius);
+            let spheres =
+                self.diffuse.as_ref().map(|images| (images, frame.diffuse_params(images)));
             let request = surface::Request {
                 velocities: !motion.velocities.is_empty(),
                 splash: frame.config.splash,
                 host: input.host.is_some(),
                 samples: frame.variant.samples,
+                spheres,
             };
             let (eye, kept) = (&self.camera_view, &mut self.surface);
-            let surface = SurfacePass::prepare(gpu, eye, request, motion, &params, size, kept)?;
+            let surface = SurfacePass::prepare(gpu, eye, request, motion, &before, size, kept)?;
             frame.surface = Some(surface);
         }
         self.prepare_opaque(&mut frame)?;
@@ -500,7 +503,7 @@ impl Renderer {
             refract.record(commands, eye, timer.span("refract"));
         }
         if let Some(surface) = &frame.surface {
-            surface.record(commands.encoder, eye, timer.span("surface"));
+            surface.record(commands, eye, timer.span("surface"));
         }
         frame.input.host.map(|_| self.picture.record_host_rays(&self.gpu, commands.encoder))
     }

@@ -1,6 +1,6 @@
 // Finds the nearest opaque sphere of each pixel.
 
-#import diffuse/large.wgsl
+#import diffuse/discs.wgsl
 #import diffuse/particles.wgsl
 
 // Disparities in the air and in the liquid, as bits.

@@ -4,7 +4,7 @@
 // Small spheres cover the share of a pixel that a square of their area would: the shares of all pixels add up to the sphere.
 // Of large ones each pixel sees a point. Those behind a pixel's nearest opaque sphere are hidden.
 
-#import diffuse/large.wgsl
+#import diffuse/discs.wgsl
 #import diffuse/light.wgsl
 #import diffuse/particles.wgsl
 #import diffuse/pixels.wgsl
@@ -77,18 +77,6 @@ fn add(sphere: Placed, pixel: vec2i, covered: f32, radiance: vec3f, disparity: f
     }
 }
 
-// Share of a pixel that a square of the disc's area covers, `offset` pixels from its centre.
-fn covered_by_square(offset: vec2f, radius: f32) -> f32 {
-    let half = 0.88622693 * radius;
-    let sides = clamp(min(offset + 0.5, vec2f(half)) - max(offset - 0.5, vec2f(-half)), vec2f(0.0), vec2f(1.0));
-    return sides.x * sides.y;
-}
-
-// Below this radius, in pixels, few pixels' centres do not sample a disc well.
-const SQUARE: f32 = 1.5;
-// Pixels across the largest small sphere.
-const ACROSS: i32 = 6;
-
 @compute @workgroup_size(64)
 fn add_small(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let index = thread_index(group, local);
@@ -99,17 +87,10 @@ fn add_small(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     let radiance = sphere_radiance(sphere, params.albedos[kind_of(sphere.traits)].rgb, vec3f(0.0));
     let opacity = opacity_of(sphere.traits);
     let disparity = camera_disparity(sphere.position);
-    let first = vec2i(floor(sphere.pixel - radius - 0.5));
-    let last = vec2i(floor(sphere.pixel + radius + 0.5));
-    let across = min(last - first + 1, vec2i(ACROSS));
-    for (var i = 0; i < select(0, across.x * across.y, is_drawn); i++) {
-        let pixel = first + vec2i(i % across.x, i / across.x);
-        let offset = vec2f(pixel) + 0.5 - sphere.pixel;
-        let covered = select(
-            covered_by_disc(length(offset), radius),
-            covered_by_square(offset, radius),
-            radius < SQUARE,
-        );
+    let square = small_square(sphere);
+    for (var i = 0; i < select(0, square.across.x * square.across.y, is_drawn); i++) {
+        let pixel = pixel_in(square, i);
+        let covered = covered_by_small(sphere, pixel);
         add(sphere, pixel, opacity * covered, radiance, disparity);
     }
 }

@@ -4,22 +4,15 @@
 #import common/layers.wgsl
 #import common/samples.wgsl
 #import common/scene.wgsl
-
-struct Params {
-    previous_from_world: mat3x3f, // rotation into the view of the frame before
-    offset: vec3f,                // of this frame's eye from that of the frame before, m
-    seconds: f32,                 // since the frame before
-    previous_tangent: vec2f,      // of the camera of the frame before
-    previous_shift: vec2f,
-    reach: f32,                   // largest difference in depth of particles whose velocities are averaged, m
-}
+#import surface/before.wgsl
 
 override SPLASH: bool = false;
-override HOST: bool = false;       // a host has drawn the opaque scene
-override VELOCITIES: bool = false; // the particles' velocities are known
-override SAMPLES: u32 = 1u;        // rays per pixel
+override HOST: bool = false;          // a host has drawn the opaque scene
+override VELOCITIES: bool = false;    // the particles' velocities are known
+override SPHERE_MOTION: bool = false; // there are spheres
+override SAMPLES: u32 = 1u;           // rays per pixel
 
-@group(1) @binding(0) var<uniform> params: Params;
+@group(1) @binding(0) var<uniform> before: Before;
 @group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
 @group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
 @group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
@@ -29,6 +22,7 @@ override SAMPLES: u32 = 1u;        // rays per pixel
 @group(1) @binding(6) var<storage, read> velocities: array<f32>; // three for each particle, m/s
 @group(1) @binding(7) var surface: texture_storage_2d<rgba32float, write>; // normal, depth
 @group(1) @binding(8) var motion: texture_storage_2d<rgba32float, write>;  // motion, coverage, fluid
+@group(1) @binding(9) var<storage, read> sphere_motions: array<vec4i>;     // by pixel: surface/spheres.wgsl
 
 // Whether a splash is in front of the texel's body at `omega`.
 fn splash_is_nearest(texel: vec2i, omega: vec3f) -> bool {
@@ -82,7 +76,7 @@ fn surface_velocity(texel: vec2i, x: vec3f) -> vec3f {
     if !VELOCITIES {
         return vec3f(0.0);
     }
-    let spacing = max(SPACING * params.reach / camera_pixel_side(x), 1.0);
+    let spacing = max(SPACING * before.reach / camera_pixel_side(x), 1.0);
     let last = vec2i(camera.size) - 1;
     var sum = vec4f(0.0);
     for (var k = 0; k < (2 * SIDE + 1) * (2 * SIDE + 1); k++) {
@@ -91,7 +85,7 @@ fn surface_velocity(texel: vec2i, x: vec3f) -> vec3f {
         let omega = camera_omega(vec2f(at) + 0.5);
         let particle = nearest_tags(clamp(at, vec2i(0), last), omega).x;
         let there = camera_point(omega, dot(nearest_front(clamp(at, vec2i(0), last), omega), omega));
-        let near = all(at >= vec2i(0)) && all(at <= last) && abs(there.z - x.z) <= params.reach;
+        let near = all(at >= vec2i(0)) && all(at <= last) && abs(there.z - x.z) <= before.reach;
         if particle > 0u && (near || all(beside == vec2i(0))) {
             let i = 3u * (particle - 1u);
             let weight = exp(-0.5 * f32(dot(beside, beside)));
@@ -99,18 +93,6 @@ fn surface_velocity(texel: vec2i, x: vec3f) -> vec3f {
         }
     }
     return sum.xyz / max(sum.w, 1e-6);
-}
-
-// Pixel position in the frame before of a point relative to that frame's eye, in world axes; `now` if it was
-// behind that eye.
-fn previous_pixel(x: vec3f, now: vec2f) -> vec2f {
-    let view = params.previous_from_world * x;
-    if !ORTHOGRAPHIC && -view.z < 1e-6 * length(x) {
-        return now;
-    }
-    let tangent = view.xy / select(-view.z, 1.0, ORTHOGRAPHIC);
-    let ndc = (tangent - params.previous_shift) / params.previous_tangent;
-    return (vec2f(ndc.x, -ndc.y) * 0.5 + 0.5) * camera.size;
 }
 
 @compute @workgroup_size(8, 8)
@@ -134,7 +116,11 @@ fn images(@builtin(global_invocation_id) id: vec3u) {
         normal_depth = vec4f(-plane_normal(front), -x.z);
         let velocity = surface_velocity(p, x);
         let world = camera_world_point(x);
-        moved = u - previous_pixel(world + params.offset - params.seconds * velocity, u);
+        moved = u - previous_pixel(before, world, velocity, u);
+    }
+    if SPHERE_MOTION {
+        let sum = sphere_motions[u32(p.y) * u32(camera.size.x) + u32(p.x)];
+        moved = select(moved, vec2f(sum.xy) / max(f32(sum.z), 1.0), sum.z >= HALF_COVERED);
     }
     let fluid = f32(nearest_tags(p, omega).y);
     textureStore(surface, p, normal_depth);

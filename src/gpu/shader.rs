@@ -91,7 +91,7 @@ pub const RENDERER: Library = Library {
         ("diffuse/place.wgsl", include_str!("../../shaders/diffuse/place.wgsl")),
         ("diffuse/around.wgsl", include_str!("../../shaders/diffuse/around.wgsl")),
         ("diffuse/pixels.wgsl", include_str!("../../shaders/diffuse/pixels.wgsl")),
-        ("diffuse/large.wgsl", include_str!("../../shaders/diffuse/large.wgsl")),
+        ("diffuse/discs.wgsl", include_str!("../../shaders/diffuse/discs.wgsl")),
         ("diffuse/cover.wgsl", include_str!("../../shaders/diffuse/cover.wgsl")),
         ("diffuse/sums.wgsl", include_str!("../../shaders/diffuse/sums.wgsl")),
         ("refract/diffuse.wgsl", include_str!("../../shaders/refract/diffuse.wgsl")),
@@ -143,7 +143,9 @@ pub const RENDERER: Library = Library {
         ("caustics/conic/path.wgsl", include_str!("../../shaders/caustics/conic/path.wgsl")),
         ("caustics/conic.wgsl", include_str!("../../shaders/caustics/conic.wgsl")),
         ("caustics/gather.wgsl", include_str!("../../shaders/caustics/gather.wgsl")),
+        ("surface/before.wgsl", include_str!("../../shaders/surface/before.wgsl")),
         ("surface/images.wgsl", include_str!("../../shaders/surface/images.wgsl")),
+        ("surface/spheres.wgsl", include_str!("../../shaders/surface/spheres.wgsl")),
         ("tonemap.wgsl", include_str!("../../shaders/tonemap.wgsl")),
     ],
     roots: &[
@@ -208,6 +210,7 @@ pub const RENDERER: Library = Library {
         "caustics/resolve.wgsl",
         "caustics/blur.wgsl",
         "surface/images.wgsl",
+        "surface/spheres.wgsl",
         "tonemap.wgsl",
     ],
 };

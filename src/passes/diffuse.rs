@@ -59,7 +59,7 @@ pub struct Params {
 }
 
 /// Threads of a workgroup.
-const THREADS: u32 = 64;
+pub(super) const THREADS: u32 = 64;
 /// Bytes of a placed sphere, and of a pixel's sums in one layer.
 const PLACED: u64 = 32;
 const SUMS: u64 = 16;
@@ -69,7 +69,7 @@ const PROBE_TEXELS: u32 = 4;
 pub const DEPTH_UNITS: f32 = 16384.0;
 pub const OPAQUE_DEPTH: f32 = 5.99;
 /// Workgroups among which large spheres are divided.
-const LARGE_GROUPS: u32 = 512;
+pub(super) const LARGE_GROUPS: u32 = 512;
 
 /// The spheres of a frame on the device, and their sums.
 #[derive(Debug)]
@@ -173,6 +173,32 @@ impl DiffuseImages {
         let Cells { first, side, across } = self.cells;
         ((first - eye).as_vec3().to_array(), side as f32, across.to_array())
     }
+
+    /// Width and height of the picture, pixels.
+    pub(super) fn size(&self) -> UVec2 {
+        self.size
+    }
+
+    /// The number of spheres and group 1 of covering pixels, by chunk.
+    pub(super) fn covered_chunks(&self, gpu: &Gpu, params: Params) -> Vec<(u32, Bound)> {
+        let of_chunk = |(chunk, seen): (&SphereChunk, &Seen)| {
+            let params = Params { count: chunk.count, ..params };
+            let params = gpu.buffer_with("diffuse", gpu::UNIFORM, &[params]);
+            (chunk.count, self.bind_covering(gpu, &params, seen))
+        };
+        self.spheres.chunks.iter().zip(&self.seen).map(of_chunk).collect()
+    }
+
+    fn bind_covering(&self, gpu: &Gpu, params: &wgpu::Buffer, seen: &Seen) -> Bound {
+        let bindings = [
+            (gpu::uniform::<Params>(), params.as_entire_binding()),
+            (gpu::storage_read_write(8), self.opaque.as_entire_binding()),
+            (gpu::storage_of(PLACED), seen.placed.as_entire_binding()),
+            (gpu::storage_of(8), seen.large.as_entire_binding()),
+        ];
+        gpu.bind("covering spheres", &bindings)
+    }
+
     /// The spheres.
     pub fn spheres(&self) -> &Spheres {
         &self.spheres
@@ -259,15 +285,6 @@ impl DiffusePass {
             ];
             gpu.bind("placed spheres", &bindings)
         };
-        let bind_covering = |params: &wgpu::Buffer, seen: &Seen| {
-            let bindings = [
-                (gpu::uniform::<Params>(), params.as_entire_binding()),
-                (gpu::storage_read_write(8), images.opaque.as_entire_binding()),
-                (gpu::storage_of(PLACED), seen.placed.as_entire_binding()),
-                (gpu::storage_of(8), seen.large.as_entire_binding()),
-            ];
-            gpu.bind("covering spheres", &bindings)
-        };
         let bind_adding = |params: &wgpu::Buffer, seen: &Seen| {
             let [above, inside] = &images.sums;
             let bindings = [
@@ -296,7 +313,7 @@ impl DiffusePass {
             let params = gpu.buffer_with("diffuse", gpu::UNIFORM, &[params]);
             let bound = [
                 bind_placing(&params, chunk, seen),
-                bind_covering(&params, seen),
+                images.bind_covering(gpu, &params, seen),
                 bind_adding(&params, seen),
                 bind_filling(&params, chunk),
             ];

@@ -2,50 +2,54 @@
 //!
 //! Drawn only if asked for.
 
+mod spheres;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
 use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
+use self::spheres::SphereMotion;
 use super::Layers;
+use super::diffuse::{self, DiffuseImages};
 use super::view_passes::ViewPasses;
 use crate::camera::{CameraUniform, View};
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{self, Bound, Gpu, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Span};
 use crate::motion::Motion;
 
-/// `Params` of `surface/images.wgsl`.
+/// `Before` of `surface/before.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Params {
+pub struct Before {
     /// Rotation into the view of the frame before: three columns, each padded with a 0.
-    pub previous_from_world: [[f32; 4]; 3],
+    pub view_from_world: [[f32; 4]; 3],
     /// This frame's eye relative to that of the frame before, m.
     pub offset: [f32; 3],
     /// Time since the frame before, s.
     pub seconds: f32,
     /// `tangent` of the camera of the frame before.
-    pub previous_tangent: [f32; 2],
+    pub tangent: [f32; 2],
     /// `shift` of the camera of the frame before.
-    pub previous_shift: [f32; 2],
+    pub shift: [f32; 2],
     /// Largest difference in depth of particles whose velocities are averaged: their radius, m.
     pub reach: f32,
     /// Padding.
     pub pad: [f32; 3],
 }
 
-impl Params {
-    /// The parameters of a frame of a view, whose particles have `radius`, m.
+impl Before {
+    /// What came before a frame of a view, whose particles have `radius`, m.
     pub fn new(view: &View, motion: &Motion, size: UVec2, radius: f32) -> Self {
         let previous = motion.previous.unwrap_or(*view);
         let CameraUniform { view_from_world, tangent, shift, .. } =
             previous.uniform(size, previous.eye, 1.0);
         Self {
-            previous_from_world: view_from_world,
+            view_from_world,
             offset: (view.eye - previous.eye).as_vec3().to_array(),
             seconds: motion.seconds,
-            previous_tangent: tangent.to_array(),
-            previous_shift: shift.to_array(),
+            tangent: tangent.to_array(),
+            shift: shift.to_array(),
             reach: radius,
             pad: [0.0; 3],
         }
@@ -57,14 +61,14 @@ impl Params {
 pub struct SurfaceImages {
     /// Outward unit normal in view space, and depth in m; 0 where no liquid is at the pixel's centre.
     pub surface: wgpu::Texture,
-    /// Pixels that the surface has moved since the frame before, right and down; share of the pixel that the
-    /// liquid covers; number of the fluid, from 0.
+    /// Pixels that the surface has moved since the frame before, right and down, or foam and spray where they cover half of
+    /// the pixel; share of the pixel that the liquid covers; number of the fluid, from 0.
     pub motion: wgpu::Texture,
 }
 
 /// Properties of a frame that its images depend on.
 #[derive(Debug, Clone, Copy)]
-pub struct Request {
+pub struct Request<'a> {
     /// The particles' velocities are known.
     pub velocities: bool,
     /// The frame has splashes.
@@ -73,6 +77,8 @@ pub struct Request {
     pub host: bool,
     /// Rays per pixel.
     pub samples: u32,
+    /// Foam, spray, bubbles and dust.
+    pub spheres: Option<(&'a DiffuseImages, diffuse::Params)>,
 }
 
 /// The images of the first interface, and the velocities that they show.
@@ -88,6 +94,7 @@ pub struct SurfaceBuffers {
 pub struct SurfacePass {
     pipeline: wgpu::ComputePipeline,
     images: Bound,
+    spheres: Option<SphereMotion>,
     /// Workgroups along x and y.
     groups: (u32, u32),
 }
@@ -140,15 +147,22 @@ impl SurfacePass {
     pub fn prepare(
         gpu: &Gpu,
         eye: &ViewPasses,
-        request: Request,
+        request: Request<'_>,
         motion: &Motion,
-        params: &Params,
+        before: &Before,
         size: UVec2,
         kept: &mut SurfaceBuffers,
     ) -> Result<Self> {
         kept.upload(gpu, &motion.velocities)?;
         let particles = kept.velocities.clone();
-        let params = gpu.buffer_with("surface", gpu::UNIFORM, &[*params]);
+        let before = gpu.buffer_with("surface", gpu::UNIFORM, &[*before]);
+        let Request { velocities, splash, host, samples, spheres } = request;
+        let spheres = spheres
+            .map(|(spheres, params)| SphereMotion::prepare(gpu, eye, spheres, params, &before));
+        let sums = match &spheres {
+            Some(spheres) => spheres.sums.clone(),
+            None => gpu.buffer_with("no spheres", wgpu::BufferUsages::STORAGE, &[[0i32; 4]]),
+        };
         let images = kept.images(gpu, size);
         let tags =
             eye.images.splat.tags.each_ref().map(|tags| tags.create_view(&Default::default()));
@@ -157,7 +171,7 @@ impl SurfacePass {
                 .map(|texture| gpu::layer_view(texture, 0));
         let written = gpu::storage_texture(Layers::FORMAT, D2);
         let bindings = [
-            (gpu::uniform::<Params>(), params.as_entire_binding()),
+            (gpu::uniform::<Before>(), before.as_entire_binding()),
             (gpu::sampled(D2Array), TextureView(&eye.aggregate_layers().view)),
             (gpu::sampled(D2Array), TextureView(&eye.images.splat.splash.view)),
             (gpu::sampled(D2), TextureView(&planes)),
@@ -166,14 +180,15 @@ impl SurfacePass {
             (gpu::storage_of(4), particles.as_entire_binding()),
             (written, TextureView(&surface)),
             (written, TextureView(&moved)),
+            (gpu::storage::<[i32; 4]>(), sums.as_entire_binding()),
         ];
         let images = gpu.bind("surface", &bindings);
-        let Request { velocities, splash, host, samples } = request;
         let switch = |on: bool| f64::from(u8::from(on));
         let own = [
             ("SPLASH", switch(splash)),
             ("HOST", switch(host)),
             ("VELOCITIES", switch(velocities)),
+            ("SPHERE_MOTION", switch(spheres.is_some())),
             ("SAMPLES", samples.into()),
         ];
         let constants =
@@ -181,12 +196,16 @@ impl SurfacePass {
         let layouts = [&eye.camera.layout, &images.layout, &eye.scene.layout];
         let shader = "surface/images.wgsl";
         let pipeline = gpu.compute_pipeline(shader, "images", &layouts, &constants);
-        Ok(Self { pipeline, images, groups: gpu::workgroups(size) })
+        Ok(Self { pipeline, images, spheres, groups: gpu::workgroups(size) })
     }
 
     /// Records the images.
-    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, eye: &ViewPasses, span: Span<'_>) {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+    pub fn record(&self, commands: &mut Commands<'_>, eye: &ViewPasses, span: Span<'_>) {
+        if let Some(spheres) = &self.spheres {
+            spheres.record(commands, eye, span.first());
+        }
+        let span = span.part(self.spheres.is_none(), true);
+        let mut pass = commands.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("surface"),
             timestamp_writes: span.compute(),
         });

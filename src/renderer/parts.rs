@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::frame::FrameInput;
 use crate::opaque_fluids::OpaqueFluids;
 use crate::passes::color::{Color, ColorImages};
-use crate::passes::diffuse::{self, DiffuseImages, DiffusePass};
+use crate::passes::diffuse::{DiffuseImages, DiffusePass};
 use crate::passes::refract;
 use crate::passes::shade::{Shade, ShadeImages};
 use crate::passes::sphere_shadows::Shadows;
@@ -86,9 +86,9 @@ impl Renderer {
 
     /// Prepares foam, spray, bubbles and dust.
     pub(super) fn prepare_diffuse(&mut self, frame: &mut PreparedFrame<'_>) {
-        let FrameInput { scene, splats, view, .. } = frame.input;
+        let scene = frame.input.scene;
         let Some(images) = self.diffuse.as_ref() else { return };
-        let params = diffuse::Params::new(scene, images, view.eye, splats.radius);
+        let params = frame.diffuse_params(images);
         let (eye, work) = (&self.camera_view, refract::solid_work(scene));
         let pass = DiffusePass::prepare(&self.gpu, eye, scene, params, images, work);
         frame.diffuse = Some(pass);

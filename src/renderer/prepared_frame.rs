@@ -169,6 +169,11 @@ impl<'a> PreparedFrame<'a> {
         FrameInputs { scene: self.light_scene.as_ref().unwrap_or(inputs.scene), ..inputs }
     }
 
+    pub(super) fn diffuse_params(&self, spheres: &DiffuseImages) -> diffuse::Params {
+        let FrameInput { scene, splats, view, .. } = self.input;
+        diffuse::Params::new(scene, spheres, view.eye, splats.radius)
+    }
+
     pub(super) fn refract_params(&self, spheres: Option<&DiffuseImages>) -> refract::Params {
         let FrameInput { scene, splats, view, .. } = self.input;
         let mut params = refract::Params::new(scene, &scene.settings.refract, splats.radius);

@@ -1,7 +1,10 @@
 //! Images of the first interface: depth, normal, motion, coverage and masks.
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec2, DVec3, UVec2, Vec3};
 use limpid::camera::{Camera, Lens, View};
+use limpid::diffuse::{Diffuse, DiffuseKind};
 use limpid::frame::FrameInput;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::motion::Motion;
@@ -127,6 +130,72 @@ fn motion_is_that_of_the_projected_points() {
             |p: &UVec2| (still.at("motion.X", *p) - images.at("motion.X", *p)).abs() > 0.5;
         assert!(images.pixels().filter(differs).count() > count / 2);
     }
+}
+
+/// Where foam and spray cover a pixel, its motion is theirs: of one ball, and of a cloud of balls smaller than a pixel. The
+/// liquid keeps its own beside them, and before balls in it.
+#[test]
+fn foam_and_spray_have_their_motion() {
+    let Some(mut harness) = harness() else { return };
+    let harness = &mut *harness;
+    let splats = splats(&[sphere(Vec3::ZERO, 0.7)], &[], 0.7);
+    let before = Camera { eye: DVec3::new(0.1, 0.05, 3.1), ..on_axis(3.0, 45.0) };
+    let camera = on_axis(3.0, 45.0);
+    let (liquid, air, seconds) = (DVec3::new(-0.6, 0.2, 0.0), DVec3::new(0.9, -0.5, 1.5), 0.03);
+    let motion = Motion {
+        velocities: vec![liquid.as_vec3()],
+        seconds: seconds as f32,
+        previous: Some(View::from(&before)),
+    };
+    // In the air, before the liquid and beside it; then in the liquid.
+    let ball = DVec3::new(0.1, 0.1, 1.0);
+    let sheet = |k: u32| {
+        DVec3::new(-0.9 + 0.005 * f64::from(k % 60), -0.2 + 0.005 * f64::from(k / 60), 1.0)
+    };
+    let small: Vec<DVec3> = (0..3600).map(sheet).collect();
+    let places: Vec<DVec3> = [&[ball, DVec3::new(0.1, -0.2, 0.2)], &small[..]].concat();
+    let radius = |i: usize| if i < 2 { 0.12 } else { 0.005 };
+    let kind = |i: usize| if i == 1 { DiffuseKind::Bubble } else { DiffuseKind::Foam };
+    let diffuse = Diffuse {
+        velocities: Some(vec![air.as_vec3(); places.len()]),
+        radii: (0..places.len()).map(radius).collect(),
+        kinds: (0..places.len()).map(kind).collect(),
+        ..Diffuse::from_positions(places.iter().map(|x| x.as_vec3()).collect(), 0.1)
+    };
+    let mut draw = |diffuse: Option<Diffuse>| {
+        let (diffuse, scene) = (diffuse.map(Arc::new), scene());
+        let input = FrameInput {
+            surface: Some(&motion),
+            diffuse: diffuse.as_ref(),
+            ..diagnosed(&scene, &camera, &splats, SIZE)
+        };
+        render(&harness.gpu, &mut harness.renderer, input)
+    };
+    let at = |images: &frames::FrameImages, x: DVec3| {
+        let p = pixel(&camera, x).floor().as_uvec2();
+        DVec2::new(images.at("motion.X", p), images.at("motion.Y", p))
+    };
+    let expected =
+        |x: DVec3, velocity: DVec3| pixel(&camera, x) - pixel(&before, x - seconds * velocity);
+    let (with, without) = (draw(Some(diffuse.clone())), draw(None));
+    for x in [ball, ball + DVec3::new(0.05, 0.04, 0.0)] {
+        let found = at(&with, x);
+        assert!(found.distance(expected(ball, air)) < 1e-3, "{found} of the ball");
+    }
+    for k in [1830, 1850, 1210] {
+        let found = at(&with, small[k]);
+        let expected = expected(small[k], air);
+        // Neighbours move by other amounts, as far from the camera's axis.
+        assert!(found.distance(expected) < 0.05, "{found} of the sheet, expected {expected}");
+    }
+    // In the liquid and beside the foam, all is as without it.
+    for x in [DVec3::new(0.1, -0.2, 0.7), DVec3::new(0.3, 0.4, 0.3)] {
+        assert_eq!(at(&with, x), at(&without, x), "{x}");
+        assert!(at(&with, x).distance(expected(x, air)) > 0.5, "{x}");
+    }
+    // Foam of unknown velocity is at rest.
+    let still = draw(Some(Diffuse { velocities: None, ..diffuse }));
+    assert!(at(&still, ball).distance(expected(ball, DVec3::ZERO)) < 1e-3);
 }
 
 /// The vectors of a turning cloud match the finite difference of its points, up to what a turn moves the

@@ -236,12 +236,12 @@ fn passes() -> Vec<Shared> {
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded, dither, first_row });
     let host = rust_struct!(host::Params { offset, slope, cleared });
     let opaque = rust_struct!(opaque::Params { depth });
-    let surface = rust_struct!(surface::Params {
-        previous_from_world,
+    let surface = rust_struct!(surface::Before {
+        view_from_world,
         offset,
         seconds,
-        previous_tangent,
-        previous_shift,
+        tangent,
+        shift,
         reach,
         pad,
     });
@@ -295,7 +295,7 @@ fn passes() -> Vec<Shared> {
         (tonemap, "tonemap.wgsl", "Params"),
         (host, "host.wgsl", "Params"),
         (opaque, "opaque.wgsl", "Params"),
-        (surface, "surface/images.wgsl", "Params"),
+        (surface, "surface/images.wgsl", "Before"),
         (caustics, "caustics/deposit.wgsl", "CausticParams"),
         (sections, "tiles.wgsl", "Sections"),
         (gaps, "gaps/split.wgsl", "Params"),

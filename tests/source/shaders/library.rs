@@ -79,6 +79,7 @@ pub(crate) fn assert_roots_are_valid(library: Library) {
             "solids",
             "light_views",
             "params",
+            "before",
             "absorptions",
             "coloring",
             "color_map",

@@ -379,7 +379,10 @@ fn against_walks(
 /// matches the walk in f64; texels without liquid are marked; and occluders cast shadows.
 #[test]
 fn gathered_map_matches_the_reference() {
+    use bytemuck::Zeroable;
     use limpid::camera::CameraUniform;
+    use limpid::passes::scene_binding::{LightData, LightViewsData};
+    use limpid::scene::MAX_LIGHTS;
     use limpid::wgpu::util::DeviceExt;
     const SIZE: u32 = 32;
     let Some(gpu) = gpu() else { return };
@@ -447,6 +450,10 @@ fn gathered_map_matches_the_reference() {
         contents: bytemuck::cast_slice(&shaded),
         usage: wgpu::BufferUsages::STORAGE,
     });
+    // No foam, whose shadows the lights' part of the scene has.
+    let lights = support::uniform(gpu, &[LightData::zeroed(); MAX_LIGHTS]);
+    let views = support::uniform(gpu, &LightViewsData::zeroed());
+    let sphere_depths = gpu.buffer_with("no spheres", wgpu::BufferUsages::STORAGE, &[0u32]);
     let kernel = GatherKernel::new(gpu, SIZE);
     let gathered = |params: &wgpu::Buffer| {
         let view = wgpu::BindingResource::TextureView;
@@ -460,7 +467,11 @@ fn gathered_map_matches_the_reference() {
                 // The mixture is not read with one fluid.
                 (5, view(&planes)),
             ],
-            vec![],
+            vec![
+                (2, lights.as_entire_binding()),
+                (6, views.as_entire_binding()),
+                (9, sphere_depths.as_entire_binding()),
+            ],
             vec![(0, caustics.as_entire_binding()), (1, vertices.as_entire_binding())],
         ])
     };

@@ -1,4 +1,4 @@
-// Spheres in the picture, and the pixels of the large ones.
+// Spheres in the picture, and their pixels.
 
 #import diffuse/particles.wgsl
 
@@ -21,6 +21,41 @@ fn pixel_index(pixel: vec2i) -> u32 {
 // Share of a pixel that the disc covers, whose middle is `distance` pixels away. Over all pixels it adds up to the disc's area.
 fn covered_by_disc(distance: f32, radius: f32) -> f32 {
     return clamp(sqrt(max(radius * radius - 0.083333333, 0.0)) - distance + 0.5, 0.0, 1.0);
+}
+
+// Below this radius, in pixels, few pixels' centres do not sample a disc well.
+const SQUARE: f32 = 1.5;
+// Pixels across the largest small sphere.
+const ACROSS: i32 = 6;
+
+// The pixels of a small sphere.
+struct SmallSquare {
+    first: vec2i,
+    across: vec2i,
+}
+
+fn small_square(sphere: Placed) -> SmallSquare {
+    let reach = radius_in_pixels(sphere) + 0.5;
+    let first = vec2i(floor(sphere.pixel - reach));
+    return SmallSquare(first, min(vec2i(floor(sphere.pixel + reach)) - first + 1, vec2i(ACROSS)));
+}
+
+fn pixel_in(square: SmallSquare, i: i32) -> vec2i {
+    return square.first + vec2i(i % square.across.x, i / square.across.x);
+}
+
+// Share of a pixel that a small sphere covers.
+fn covered_by_small(sphere: Placed, pixel: vec2i) -> f32 {
+    let radius = radius_in_pixels(sphere);
+    let offset = vec2f(pixel) + 0.5 - sphere.pixel;
+    return select(covered_by_disc(length(offset), radius), covered_by_square(offset, radius), radius < SQUARE);
+}
+
+// Share of a pixel that a square of the disc's area covers, `offset` pixels from its centre.
+fn covered_by_square(offset: vec2f, radius: f32) -> f32 {
+    let half = 0.88622693 * radius;
+    let sides = clamp(min(offset + 0.5, vec2f(half)) - max(offset - 0.5, vec2f(-half)), vec2f(0.0), vec2f(1.0));
+    return sides.x * sides.y;
 }
 
 // A large sphere at a pixel.
