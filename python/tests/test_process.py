@@ -256,6 +256,23 @@ def test_a_renderer_is_not_pickled(renderer):
         pickle.dumps(renderer)
 
 
+def test_nothing_is_drawn_after_the_end(python):
+    script = """
+import atexit, numpy as np
+positions = np.random.default_rng(1).uniform(0, 1, (100, 3))
+def late():
+    try:
+        limpid.render(positions, radius=0.01, size=(32, 24))
+    except limpid.Error as error:
+        print(error)
+atexit.register(late)  # called after limpid's own
+import limpid
+limpid.render(positions, radius=0.01, size=(32, 24))
+"""
+    done = python(script)
+    assert done.returncode == 0 and "the interpreter is ending" in done.stdout, (done.stdout, done.stderr)
+
+
 def test_the_process_ends_while_a_thread_draws(python):
     script = """
 import threading, limpid, numpy as np, time

@@ -1,7 +1,7 @@
 //! The graphics device, and pictures that it draws.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -289,10 +289,8 @@ impl Device {
                 None => new_drawer(&state, wanted.as_deref(), interrupt)?,
             };
             let drawn = drawer.draw(job);
-            // Before another thread takes the renderer.
-            work::end(interrupt);
-            if interrupt.load(Ordering::Relaxed) {
-                // The device may still draw.
+            // Before another thread takes the renderer. Otherwise the device may still draw.
+            if !work::end_unless_interrupted(interrupt) {
                 return drawn;
             }
             let mut state = locked(&state);

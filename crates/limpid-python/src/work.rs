@@ -19,6 +19,9 @@ static PROCESS: AtomicU32 = AtomicU32::new(0);
 /// Whether the process ends by a signal.
 static ABANDONED: AtomicBool = AtomicBool::new(false);
 
+/// Whether the interpreter ends, so that no work begins any more.
+static ENDING: AtomicBool = AtomicBool::new(false);
+
 /// The threads at work, each with the flag that ends its work early.
 static AT_WORK: Mutex<Vec<Arc<AtomicBool>>> = Mutex::new(Vec::new());
 
@@ -29,7 +32,8 @@ static ENDED: Condvar = Condvar::new();
 /// given and returns at once: with the exception of Python's handler, while the thread ends by itself.
 ///
 /// # Errors
-/// That of `work`; `limpid.Error` if it panics, and in a forked child of a process that has worked.
+/// That of `work`; `limpid.Error` if it panics, in a forked child of a process that has worked, and while the interpreter
+/// ends.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Arc<AtomicBool>) -> limpid_io::Result<T> + Send + 'static,
@@ -46,7 +50,13 @@ pub(crate) fn run_interruptible<T: Send + 'static>(
     work: impl FnOnce(&Arc<AtomicBool>) -> limpid_io::Result<T> + Send + 'static,
 ) -> PyResult<T> {
     check_process()?;
-    locked().push(interrupt.clone());
+    {
+        let mut at_work = locked();
+        if ENDING.load(Ordering::Relaxed) {
+            return Err(errors::error("the interpreter is ending, and draws nothing any more"));
+        }
+        at_work.push(interrupt.clone());
+    }
     let flag = interrupt.clone();
     let (sender, mut receiver) = channel();
     let spawned = std::thread::Builder::new().name("limpid".into()).spawn(move || {
@@ -85,6 +95,7 @@ pub(crate) fn finish(py: Python<'_>, by_signal: bool) {
     ABANDONED.store(by_signal, Ordering::Relaxed);
     py.detach(|| {
         let mut at_work = locked();
+        ENDING.store(true, Ordering::Relaxed);
         at_work.iter().for_each(|flag| flag.store(true, Ordering::Relaxed));
         while !at_work.is_empty() && !must_leak() {
             at_work = ENDED.wait(at_work).unwrap_or_else(PoisonError::into_inner);
@@ -111,8 +122,19 @@ pub(crate) fn check_process() -> PyResult<()> {
     }
 }
 
-/// Ends the work of this flag: no signal sets it any more.
-pub(crate) fn end(flag: &Arc<AtomicBool>) {
+/// Ends the work of this flag, so that nothing sets it any more. Returns false, and does nothing, if it is set: then the
+/// interpreter may wait for the end, and what the work holds must be closed before.
+pub(crate) fn end_unless_interrupted(flag: &Arc<AtomicBool>) -> bool {
+    let mut at_work = locked();
+    let ends = !flag.load(Ordering::Relaxed);
+    if ends {
+        at_work.retain(|other| !Arc::ptr_eq(other, flag));
+        ENDED.notify_all();
+    }
+    ends
+}
+
+fn end(flag: &Arc<AtomicBool>) {
     locked().retain(|other| !Arc::ptr_eq(other, flag));
     ENDED.notify_all();
 }
