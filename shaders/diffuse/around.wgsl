@@ -1,13 +1,13 @@
-// Light around the spheres of each tile: its mean over all directions, and its change with the direction.
+// Light around the spheres of each probe: its mean over all directions, and its change with the direction.
 //
-// The 64 threads of a tile look in as many even directions (E. Keinert et al., Spherical Fibonacci Mapping, 2015). Irradiance
+// The 64 threads of a probe look in as many even directions (E. Keinert et al., Spherical Fibonacci Mapping, 2015). Irradiance
 // over pi on a surface of normal n is `mean + (x, y, z) n`: the first four spherical harmonics (R. Ramamoorthi and P. Hanrahan,
 // An Efficient Representation for Irradiance Environment Maps, 2001, equations 5 and 8).
 
 #import diffuse/particles.wgsl
 #import shade/looks.wgsl
 
-@group(1) @binding(3) var<storage, read> nearest_spheres: array<u32>; // disparities by tile, as bits; 0 without spheres
+@group(1) @binding(3) var<storage, read> nearest_spheres: array<u32>; // disparities by probe, as bits; 0 without spheres
 @group(1) @binding(4) var probes_out: texture_storage_2d<rgba32float, write>;
 
 const LOOKS: u32 = 64u;
@@ -28,14 +28,14 @@ fn beyond(o: vec3f, d: vec3f, width: f32) -> vec3f {
 
 @compute @workgroup_size(64)
 fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let tile = group_index(group);
-    let across = tiles_across(u32(camera.size.x));
-    let tiles = arrayLength(&nearest_spheres);
-    let nearest = nearest_spheres[min(tile, tiles - 1u)];
-    let has_spheres = tile < tiles && nearest != 0u;
+    let probe = group_index(group);
+    let across = probes_across();
+    let probes = arrayLength(&nearest_spheres);
+    let nearest = nearest_spheres[min(probe, probes - 1u)];
+    let has_spheres = probe < probes && nearest != 0u;
     var own = array<vec3f, 4>();
     if has_spheres {
-        let texel = min(vec2i(vec2u(tile % across, tile / across) * TILE + TILE / 2u), vec2i(camera.size) - 1);
+        let texel = min(vec2i(vec2u(probe % across, probe / across) * PROBE_SIDE + PROBE_SIDE / 2u), vec2i(camera.size) - 1);
         var body = body_at(texel);
         let disparity = bitcast<f32>(nearest);
         if plane_is_empty(body.front) || body.disparity < 0.5 * disparity {
@@ -63,8 +63,13 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
         }
         workgroupBarrier();
     }
-    if local < PROBE_TEXELS && tile < tiles {
-        let texel = vec2u(PROBE_TEXELS * (tile % across) + local, tile / across);
-        textureStore(probes_out, texel, vec4f(sums[0][local] / f32(LOOKS), select(0.0, 1.0, has_spheres)));
+    if local < PROBE_TEXELS && probe < probes {
+        let texel = vec2u(PROBE_TEXELS * (probe % across) + local, probe / across);
+        let pixel = vec2f(vec2u(probe % across, probe / across) * PROBE_SIDE + PROBE_SIDE / 2u);
+        // The mean normal of a disc is two thirds of that at its centre.
+        let n = -0.66666667 * camera_world_direction(camera_ray_direction(camera_omega(pixel)));
+        let facing = max(sums[0][0] + n.x * sums[0][1] + n.y * sums[0][2] + n.z * sums[0][3], vec3f(0.0));
+        let light = select(sums[0][min(local, 3u)], facing, local == u32(TO_EYE)) / f32(LOOKS);
+        textureStore(probes_out, texel, vec4f(light, select(0.0, 1.0, has_spheres)));
     }
 }

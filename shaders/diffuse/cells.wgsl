@@ -9,7 +9,7 @@
 #import diffuse/particles.wgsl
 #import diffuse/pixels.wgsl
 
-@group(1) @binding(2) var<storage, read_write> cells: array<vec4u>;
+@group(1) @binding(2) var<storage, read_write> cells: array<array<u32, 4>>;
 
 // Units of optical depth while it is added.
 const CELL_UNITS: f32 = 262144.0;
@@ -24,13 +24,14 @@ fn light_cells(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
         return;
     }
     // By kind.
-    let depths = vec4f(cells[index]) / CELL_UNITS;
+    let sums = vec4u(cells[index][0], cells[index][1], cells[index][2], cells[index][3]);
+    let depths = vec4f(sums) / CELL_UNITS;
     if all(depths == vec4f(0.0)) {
         return;
     }
     let cell = vec3u(index % across.x, (index / across.x) % across.y, index / (across.x * across.y));
     let x = params.cells_first + params.cells_side * (vec3f(cell) + 0.5);
-    var light = irradiance_at(camera_pixel(camera_view_direction(x)), vec3f(0.0));
+    var light = irradiance_near(camera_pixel(camera_view_direction(x)), MEAN);
     for (var i = 0u; i < LIGHTS; i++) {
         let to_light = light_from(lights[i], x);
         light += MEAN_PHASE * direct_light(i, x, 0.0, to_light, params.albedos[0].rgb);
@@ -38,7 +39,12 @@ fn light_cells(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     light /= params.white;
     let air = depths.x * params.albedos[0].rgb + depths.y * params.albedos[1].rgb;
     let liquid = depths.z * params.albedos[2].rgb + depths.w * params.albedos[3].rgb;
-    let sums = vec2f(depths.x + depths.y, depths.z + depths.w);
-    let colors = vec2u(pack_color(light * air / max(sums.x, 1e-9)), pack_color(light * liquid / max(sums.y, 1e-9)));
-    cells[index] = vec4u(bitcast<u32>(sums.x), colors.x, bitcast<u32>(sums.y), colors.y);
+    let own = vec2f(depths.x + depths.y, depths.z + depths.w);
+    let colors = vec2u(pack_color(light * air / max(own.x, 1e-9)), pack_color(light * liquid / max(own.y, 1e-9)));
+    cells[index] = array<u32, 4>(bitcast<u32>(own.x), colors.x, bitcast<u32>(own.y), colors.y);
+    let bricks = (across + 3u) / 4u;
+    let brick = cell / 4u;
+    let number = (brick.z * bricks.y + brick.y) * bricks.x + brick.x;
+    // All cells of a brick write the same.
+    cells[across.x * across.y * across.z + number / 4u][number % 4u] = 1u;
 }

@@ -6,7 +6,7 @@
 
 @group(1) @binding(1) var<storage, read> spheres: array<vec4f>; // centre, relative to the particles' origin, and radius; m
 @group(1) @binding(2) var<storage, read> traits: array<u32>;    // kind and opacity
-// Four words a cell, by kind; then the bricks.
+// Four words a cell, by kind.
 @group(1) @binding(3) var<storage, read_write> cells: array<atomic<u32>>;
 
 // As in diffuse/cells.wgsl.
@@ -34,8 +34,6 @@ fn fill_cells(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
     let last = vec3f(across) - 1.0;
     let low = vec3u(clamp(floor(centre - half), vec3f(0.0), last));
     let high = vec3u(clamp(floor(centre + half), vec3f(0.0), last));
-    let bricks = (across + 3u) / 4u;
-    let behind = 4u * across.x * across.y * across.z;
     for (var z = low.z; z <= high.z; z++) {
         for (var y = low.y; y <= high.y; y++) {
             for (var x = low.x; x <= high.x; x++) {
@@ -46,8 +44,6 @@ fn fill_cells(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
                 let word = 4u * ((z * across.y + y) * across.x + x) + kind;
                 if amount > 0u && atomicLoad(&cells[word]) < MOST_DEPTH {
                     atomicAdd(&cells[word], amount);
-                    let brick = vec3u(x, y, z) / 4u;
-                    atomicStore(&cells[behind + (brick.z * bricks.y + brick.y) * bricks.x + brick.x], 1u);
                 }
             }
         }

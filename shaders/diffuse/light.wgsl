@@ -3,34 +3,51 @@
 #import common/scene.wgsl
 #import diffuse/particles.wgsl
 
-@group(1) @binding(1) var probes: texture_2d<f32>; // by tile
+@group(1) @binding(1) var probes: texture_2d<f32>; // diffuse/around.wgsl
 
 const PI: f32 = 3.14159265;
 
-// Irradiance over pi around a pixel, on a surface of normal n: of the four tiles around it that have spheres.
-fn irradiance_at(pixel: vec2f, n: vec3f) -> vec3f {
-    let at = pixel / f32(TILE) - 0.5;
+// One of the four probes around a pixel: its first texel, and its share of their mean, 0 without spheres.
+struct NearProbe {
+    texel: vec2i,
+    share: f32,
+}
+
+fn near_probe(pixel: vec2f, i: i32) -> NearProbe {
+    let at = pixel / f32(PROBE_SIDE) - 0.5;
     let first = floor(at);
-    let share = at - first;
-    let last = (vec2i(camera.size) - 1) / i32(TILE);
-    var light = vec3f(0.0);
-    var weight = 0.0;
+    let last = (vec2i(camera.size) - 1) / i32(PROBE_SIDE);
+    let corner = vec2i(i & 1, i >> 1u);
+    let probe = clamp(vec2i(first) + corner, vec2i(0), last);
+    let part = mix(1.0 - (at - first), at - first, vec2f(corner));
+    return NearProbe(vec2i(i32(PROBE_TEXELS) * probe.x, probe.y), max(part.x * part.y, 1e-4));
+}
+
+// Irradiance over pi around a pixel: the mean of this texel of the probes around it, MEAN or TO_EYE.
+fn irradiance_near(pixel: vec2f, texel: i32) -> vec3f {
+    var sum = vec4f(0.0);
     for (var i = 0; i < 4; i++) {
-        let corner = vec2i(i & 1, i >> 1u);
-        let tile = clamp(vec2i(first) + corner, vec2i(0), last);
-        let texel = vec2i(i32(PROBE_TEXELS) * tile.x, tile.y);
-        let mean = textureLoad(probes, texel, 0);
+        let probe = near_probe(pixel, i);
+        let light = textureLoad(probes, probe.texel + vec2i(texel, 0), 0);
+        sum += select(vec4f(0.0), probe.share * light, light.w > 0.0);
+    }
+    return select(sum.rgb / max(sum.w, 1e-4), scene.ambient, sum.w == 0.0);
+}
+
+// The same, on a surface of normal n.
+fn irradiance_on(pixel: vec2f, n: vec3f) -> vec3f {
+    var sum = vec4f(0.0);
+    for (var i = 0; i < 4; i++) {
+        let probe = near_probe(pixel, i);
+        let mean = textureLoad(probes, probe.texel + vec2i(MEAN, 0), 0);
         if mean.w > 0.0 {
-            let x = textureLoad(probes, texel + vec2i(1, 0), 0).xyz;
-            let y = textureLoad(probes, texel + vec2i(2, 0), 0).xyz;
-            let z = textureLoad(probes, texel + vec2i(3, 0), 0).xyz;
-            let part = mix(1.0 - share, share, vec2f(corner));
-            let own = max(part.x * part.y, 1e-4);
-            light += own * max(mean.rgb + x * n.x + y * n.y + z * n.z, vec3f(0.0));
-            weight += own;
+            let x = textureLoad(probes, probe.texel + vec2i(1, 0), 0).xyz;
+            let y = textureLoad(probes, probe.texel + vec2i(2, 0), 0).xyz;
+            let z = textureLoad(probes, probe.texel + vec2i(3, 0), 0).xyz;
+            sum += probe.share * vec4f(max(mean.rgb + x * n.x + y * n.y + z * n.z, vec3f(0.0)), 1.0);
         }
     }
-    return select(light / max(weight, 1e-4), scene.ambient, weight == 0.0);
+    return select(sum.rgb / max(sum.w, 1e-4), scene.ambient, sum.w == 0.0);
 }
 
 // Share of the light that a Lambertian sphere reflects to an eye at this cosine from the light, over that which faces both

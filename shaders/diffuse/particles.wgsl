@@ -1,7 +1,7 @@
 // Diffuse particles: spheres of foam, spray, bubbles and dust.
 
 #import common/camera.wgsl
-#import common/tiles.wgsl
+#import common/groups.wgsl
 
 struct Params {
     origin: vec3f,            // of the particles, relative to the eye, world axes, m
@@ -28,9 +28,13 @@ struct Placed {
     traits: u32,      // and, above their 18 bits, the share of it above the liquid
 }
 
-// Light around the spheres of a tile (diffuse/around.wgsl): texels in a row of its texture, of the mean, with 1 in w or 0
-// without spheres, and of the changes with x, y and z.
-const PROBE_TEXELS: u32 = 4u;
+// Side of the squares of pixels whose spheres share a probe of the light around them (diffuse/around.wgsl).
+const PROBE_SIDE: u32 = 16u;
+// Texels of a probe in a row of their texture: the mean, the changes with x, y and z, and the light on a sphere's disc that
+// faces the eye. In w is 1, or 0 without spheres.
+const PROBE_TEXELS: u32 = 5u;
+const MEAN: i32 = 0;
+const TO_EYE: i32 = 4;
 
 // Kind, in two bits, and opacity, in 16.
 fn kind_of(traits: u32) -> u32 {
@@ -55,10 +59,14 @@ fn thread_index(group: vec3u, local: u32) -> u32 {
     return group_index(group) * 64u + local;
 }
 
-// Tiles in a row of the picture.
-fn tile_of(pixel: vec2f) -> u32 {
-    let tile = vec2u(clamp(pixel, vec2f(0.0), camera.size - 1.0)) / TILE;
-    return tile.y * tiles_across(u32(camera.size.x)) + tile.x;
+// Probes in a row of the picture.
+fn probes_across() -> u32 {
+    return (u32(camera.size.x) + PROBE_SIDE - 1u) / PROBE_SIDE;
+}
+
+fn probe_of(pixel: vec2f) -> u32 {
+    let square = vec2u(clamp(pixel, vec2f(0.0), camera.size - 1.0)) / PROBE_SIDE;
+    return square.y * probes_across() + square.x;
 }
 
 // Radius in pixels.

@@ -12,7 +12,7 @@ struct Large {
 @group(1) @binding(3) var<storage, read> spheres: array<vec4f>; // centre, relative to the particles' origin, and radius; m
 @group(1) @binding(4) var<storage, read> traits: array<u32>;    // kind and opacity
 @group(1) @binding(5) var<storage, read_write> placed: array<Placed>;
-@group(1) @binding(6) var<storage, read_write> nearest_spheres: array<atomic<u32>>; // disparities by tile, as bits
+@group(1) @binding(6) var<storage, read_write> nearest_spheres: array<atomic<u32>>; // disparities by probe, as bits
 @group(1) @binding(7) var<storage, read_write> large: Large;
 
 // Foam that the smoothed surface has buried less deeply than this floats on it, in radii of the liquid's particles.
@@ -61,10 +61,7 @@ fn share_above(depth: f32, radius: f32) -> f32 {
 
 @compute @workgroup_size(64)
 fn place(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let index = thread_index(group, local);
-    if index >= params.count {
-        return;
-    }
+    let index = min(thread_index(group, local), params.count - 1u);
     let sphere = spheres[index];
     let own = traits[index];
     let x = camera_view_direction(params.origin + sphere.xyz);
@@ -72,14 +69,21 @@ fn place(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     var seen = Placed(x, 0.0, camera_pixel(x), 0.0, 0u);
     let is_ahead = ORTHOGRAPHIC || -x.z > camera.near + sphere.w;
     let is_near = all(seen.pixel > vec2f(-margin)) && all(seen.pixel < camera.size + margin);
-    if is_ahead && is_near && own > 3u {
+    let omega = camera_omega_of(x);
+    let o = camera_ray_origin(omega);
+    let d = camera_ray_direction(omega);
+    let is_blocked = scene_blocks(camera_world_point(o), camera_world_direction(d), dot(x - o, d) - sphere.w);
+    if thread_index(group, local) >= params.count {
+        return;
+    }
+    if is_ahead && is_near && own > 3u && !is_blocked {
         seen = seen_sphere(x, sphere.w, own);
     }
     placed[index] = seen;
     if seen.radius <= 0.0 {
         return;
     }
-    atomicMax(&nearest_spheres[tile_of(seen.pixel)], bitcast<u32>(camera_disparity(x)));
+    atomicMax(&nearest_spheres[probe_of(seen.pixel)], bitcast<u32>(camera_disparity(x)));
     if radius_in_pixels(seen) > LARGE {
         large.spheres[atomicAdd(&large.count, 1u)] = index;
     }
@@ -108,11 +112,6 @@ fn seen_sphere(x: vec3f, radius: f32, own: u32) -> Placed {
         } else if share == 0.0 {
             seen.radius = 0.0;
         }
-    }
-    let o = camera_ray_origin(omega);
-    let d = camera_ray_direction(omega);
-    if scene_blocks(camera_world_point(o), camera_world_direction(d), dot(x - o, d) - radius) {
-        seen.radius = 0.0;
     }
     return seen;
 }

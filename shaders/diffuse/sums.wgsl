@@ -25,17 +25,25 @@ struct Sums {
 
 override SHOWN: bool = false; // there are such planes
 
-// Radiance of a sphere towards the eye: of the point with normal n, in world axes, or of the whole disc if n is 0.
-fn sphere_radiance(sphere: Placed, albedo: vec3f, n: vec3f) -> vec3f {
+// Radiance towards the eye of a sphere's whole disc.
+fn disc_radiance(sphere: Placed, albedo: vec3f) -> vec3f {
     let x = camera_world_point(sphere.position);
     let to_eye = -camera_world_direction(camera_ray_direction(camera_omega_of(sphere.position)));
-    let is_point = dot(n, n) > 0.0;
-    // The mean normal of a disc is two thirds of that at its centre.
-    var light = irradiance_at(sphere.pixel, select(0.66666667 * to_eye, n, is_point));
+    var light = irradiance_near(sphere.pixel, TO_EYE);
     for (var i = 0u; i < LIGHTS; i++) {
         let to_light = light_from(lights[i], x);
-        let facing = select(phase(dot(to_eye, to_light.direction)), max(dot(n, to_light.direction), 0.0), is_point);
-        light += facing * direct_light(i, x, sphere.radius, to_light, albedo);
+        light += phase(dot(to_eye, to_light.direction)) * direct_light(i, x, sphere.radius, to_light, albedo);
+    }
+    return albedo * light;
+}
+
+// Radiance of the point of a sphere that has the normal n, in world axes.
+fn point_radiance(sphere: Placed, albedo: vec3f, n: vec3f) -> vec3f {
+    let x = camera_world_point(sphere.position);
+    var light = irradiance_on(sphere.pixel, n);
+    for (var i = 0u; i < LIGHTS; i++) {
+        let to_light = light_from(lights[i], x);
+        light += max(dot(n, to_light.direction), 0.0) * direct_light(i, x, sphere.radius, to_light, albedo);
     }
     return albedo * light;
 }
@@ -84,7 +92,7 @@ fn add_small(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     let sphere = placed[min(index, params.count - 1u)];
     let radius = radius_in_pixels(sphere);
     let is_drawn = index < params.count && sphere.radius > 0.0 && radius <= LARGE;
-    let radiance = sphere_radiance(sphere, params.albedos[kind_of(sphere.traits)].rgb, vec3f(0.0));
+    let radiance = disc_radiance(sphere, params.albedos[kind_of(sphere.traits)].rgb);
     let opacity = opacity_of(sphere.traits);
     let disparity = camera_disparity(sphere.position);
     let square = small_square(sphere);
@@ -110,7 +118,7 @@ fn add_large(
             let pixel = pixel_of(sphere, i);
             let point = point_at(sphere, pixel);
             if point.covered > 0.0 {
-                let radiance = sphere_radiance(sphere, albedo, camera_world_direction(point.normal));
+                let radiance = point_radiance(sphere, albedo, camera_world_direction(point.normal));
                 add(sphere, pixel, opacity_of(sphere.traits) * point.covered, radiance, point.disparity);
             }
         }

@@ -1,9 +1,9 @@
 //! Foam, spray, bubbles and dust: `shaders/diffuse/`.
 //!
 //! Each particle is a white sphere. It is placed where it is seen: before the liquid, or refracted by the liquid's first
-//! surface. A tile with spheres looks around for the light that reaches them; then each sphere adds its coverage and its
-//! radiance to the sums of its pixels. Sums of integers do not depend on the order. Refraction draws them over its rays, whose
-//! later parts see the [`cells`] of a grid.
+//! surface. Probes on the picture look around for the light that reaches the spheres near them; then each sphere adds its
+//! coverage and its radiance to the sums of its pixels. Sums of integers do not depend on the order. Refraction draws them over
+//! its rays, whose later parts see the [`cells`] of a grid.
 
 mod cells;
 
@@ -23,7 +23,7 @@ use super::turbid::slab;
 use super::view_passes::ViewPasses;
 use crate::diffuse::Diffuse;
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{self, Bound, Commands, Gpu, Span, TILE};
+use crate::gpu::{self, Bound, Commands, Gpu, Span};
 use crate::scene::{Light, Scene};
 
 /// `Params` of `diffuse/particles.wgsl`.
@@ -63,8 +63,9 @@ pub(super) const THREADS: u32 = 64;
 /// Bytes of a placed sphere, and of a pixel's sums in one layer.
 const PLACED: u64 = 32;
 const SUMS: u64 = 16;
-/// Texels of the light around the spheres of a tile.
-const PROBE_TEXELS: u32 = 4;
+/// Pixels along the side of a probe of the light around spheres, and its texels: those of `diffuse/particles.wgsl`.
+const PROBE_SIDE: u32 = 16;
+const PROBE_TEXELS: u32 = 5;
 /// Units of optical depth in a pixel's sums, and the least that lets nothing through: those of `diffuse/pixels.wgsl`.
 pub const DEPTH_UNITS: f32 = 16384.0;
 pub const OPAQUE_DEPTH: f32 = 5.99;
@@ -77,7 +78,7 @@ pub struct DiffuseImages {
     spheres: Spheres,
     /// By chunk of the spheres.
     seen: Vec<Seen>,
-    /// Disparities of the nearest spheres, by tile.
+    /// Disparities of the nearest spheres, by probe.
     nearest: wgpu::Buffer,
     /// Light around them.
     probes: wgpu::TextureView,
@@ -108,7 +109,7 @@ pub struct DiffusePass {
     chunks: Vec<(u32, wgpu::Buffer, [Bound; 4])>,
     looks: Bound,
     cells: Bound,
-    tiles: u32,
+    probes: u32,
     cell_count: u32,
     cleared: Vec<wgpu::Buffer>,
     /// Work of a sphere, in layer evaluations.
@@ -131,9 +132,9 @@ impl DiffuseImages {
             let problem = format!("binds no sums of {}x{} pixels", size.x, size.y);
             return Err(Error::Limit { adapter: gpu.adapter(), problem, of: Limited::Diffuse });
         }
-        let tiles = size.map(|n| n.div_ceil(TILE));
+        let probe_count = size.map(|n| n.div_ceil(PROBE_SIDE));
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING;
-        let texels = tiles * UVec2::new(PROBE_TEXELS, 1);
+        let texels = probe_count * UVec2::new(PROBE_TEXELS, 1);
         let probes = gpu.texture("light around spheres", texels, 1, Layers::FORMAT, usage);
         let most = (gpu.most_binding() / PLACED) as usize;
         let spheres = Spheres::new(gpu, diffuse, most);
@@ -147,7 +148,7 @@ impl DiffuseImages {
         Ok(Self {
             spheres,
             seen,
-            nearest: buffer(gpu, "nearest spheres", 4 * u64::from(tiles.element_product())),
+            nearest: buffer(gpu, "nearest spheres", 4 * u64::from(probe_count.element_product())),
             probes: probes.create_view(&Default::default()),
             sums: [sum("spheres in the air"), sum("spheres in the liquid")],
             opaque: buffer(gpu, "opaque spheres", 8 * pixels),
@@ -378,7 +379,7 @@ impl DiffusePass {
             looks,
             cells,
             cell_count: images.cells.count(),
-            tiles: images.size.map(|n| n.div_ceil(TILE)).element_product(),
+            probes: images.size.map(|n| n.div_ceil(PROBE_SIDE)).element_product(),
             cleared,
             work: 16 + (solid_work * (1 + scene.lights.len())) as u64,
         }
@@ -412,11 +413,11 @@ impl DiffusePass {
                 }
             }
         });
-        let looks = u64::from(self.tiles * THREADS) * 12;
+        let looks = u64::from(self.probes * THREADS) * 12;
         run(looks, span.part(false, false), &|pass| {
             pass.set_pipeline(&self.around);
             pass.set_bind_group(1, &self.looks.group, &[]);
-            gpu::dispatch(pass, self.tiles);
+            gpu::dispatch(pass, self.probes);
         });
         run(spheres * self.work, span.last(), &|pass| {
             let [small, cover, large] = &self.sums;

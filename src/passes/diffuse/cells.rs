@@ -5,8 +5,8 @@ use glam::{DVec3, UVec3};
 use crate::diffuse::Diffuse;
 
 /// Most cells, and most along an axis.
-const MOST: u32 = 1 << 18;
-const LONGEST: u32 = 128;
+const MOST: u32 = 1 << 16;
+const LONGEST: u32 = 64;
 
 /// Where the cells lie.
 #[derive(Debug, Clone, Copy, PartialEq)]

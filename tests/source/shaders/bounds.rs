@@ -4,7 +4,7 @@ use super::library::KnownLoop;
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-pub(super) const LOOPS: [KnownLoop; 218] = [
+pub(super) const LOOPS: [KnownLoop; 220] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -139,8 +139,10 @@ pub(super) const LOOPS: [KnownLoop; 218] = [
     ("diffuse/fill_cells.wgsl", "fill_cells", "for (var z = low.z; z <= high.z; z++)", "10 cells"),
     ("diffuse/fill_cells.wgsl", "fill_cells", "for (var y = low.y; y <= high.y; y++)", "10 cells"),
     ("diffuse/fill_cells.wgsl", "fill_cells", "for (var x = low.x; x <= high.x; x++)", "10 cells"),
-    ("diffuse/light.wgsl", "irradiance_at", "for (var i = 0; i < 4; i++)", "a constant"),
-    ("diffuse/sums.wgsl", "sphere_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
+    ("diffuse/light.wgsl", "irradiance_near", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("diffuse/light.wgsl", "irradiance_on", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("diffuse/sums.wgsl", "disc_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
+    ("diffuse/sums.wgsl", "point_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
     ("diffuse/sums.wgsl", "add_small", "for (var i = 0; i < select(0, square.across.x * square.across.y, is_drawn); i++)", "36 pixels"),
     ("surface/spheres.wgsl", "add_small", "for (var i = 0; i < square.across.x * square.across.y; i++)", "36 pixels"),
     ("surface/spheres.wgsl", "add_large", "for (var k = group.x; k < large.count; k += groups.x)", "the large spheres"),
