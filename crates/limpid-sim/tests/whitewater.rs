@@ -88,12 +88,13 @@ fn air_is_trapped_where_streams_meet() {
     assert!(together.iter().all(|own| (own.square - 2525.0).abs() < 0.1));
 }
 
-/// In plane waves a particle meets its neighbours by the gradient g of the velocity along x: with |g r_x| - g r_x^2 / |r| in
-/// one along its direction, with |g r_x| in one across it. Sums over the lattice's neighbours r are the expected means.
+/// In plane waves a particle meets its neighbours, which are r away, by the gradient g of the velocity along x: with
+/// `|g r.x| - g r.x² / |r|` in a wave along its direction, with `|g r.x|` in one across it.
 #[test]
 fn plane_waves_trap_air_by_their_gradient() {
     const SPEED: f32 = 2.0;
     let places = lattice([80, 8, 8], Vec3::ZERO, RADIUS);
+    // Means over the neighbours in the lattice.
     let offset = |i: i32| i.rem_euclid(3) - 1;
     let neighbours = (0..27).map(|i| [offset(i), offset(i / 3), offset(i / 9)].map(|n| n as f32));
     let neighbours = neighbours.map(|r| 2.0 * RADIUS * Vec3::from(r)).filter(|r| *r != Vec3::ZERO);
