@@ -1,4 +1,5 @@
-// Light around the spheres of each probe: its mean over all directions, and its change with the direction.
+// Light around the spheres of each probe: its mean over all directions, its change with the direction, and the light on a disc
+// that faces the eye.
 //
 // The 64 threads of a probe look in as many even directions (E. Keinert et al., Spherical Fibonacci Mapping, 2015). Irradiance
 // over pi on a surface of normal n is `mean + (x, y, z) n`: the first four spherical harmonics (R. Ramamoorthi and P. Hanrahan,

@@ -7,7 +7,7 @@
 
 const PI: f32 = 3.14159265;
 
-// One of the four probes around a pixel: its first texel, and its share of their mean, 0 without spheres.
+// One of the four probes around a pixel: its first texel, and its share of their mean.
 struct NearProbe {
     texel: vec2i,
     share: f32,

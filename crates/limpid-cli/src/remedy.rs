@@ -104,6 +104,9 @@ pub(crate) fn of_remark(remark: &Remark) -> String {
         ),
         Remark::OwnRadii => Some("--map radius=none leaves them out"),
         Remark::LeftOut { .. } => Some("--select all keeps them"),
+        Remark::OfOtherFrame { .. } => Some(
+            "a source with {} for the frame's number, as foam_{}.bgeo, has files for all frames",
+        ),
         Remark::NoneSelected { .. } => Some("`limpid info` lists the values of its arrays"),
         _ => None,
     };

@@ -64,8 +64,9 @@ impl Loader {
     }
 
     /// Reads the foam, spray, bubbles and dust at a frame time, y up, and remarks on their files; `None` without any.
-    /// `radius` is that of the liquid's particles, m. A frame without a file has none. Between frames they move on in their
-    /// directions, if the loader knows the [rate](Loader::fps) of the frames.
+    /// `radius` is that of the liquid's particles, m. A frame without a file has none, and is remarked on if a scene's one file
+    /// belongs to another frame. Between frames they move on in their directions, if the loader knows the
+    /// [rate](Loader::fps) of the frames.
     ///
     /// # Errors
     /// As [`Loader::particles`](Loader::particles).
@@ -81,7 +82,10 @@ impl Loader {
                 Source::Given(diffuse) => Diffuse::clone(diffuse),
                 Source::Files(files) => {
                     let number = files.number(at.frame, self.frame);
-                    let Some(number) = number else { continue };
+                    let Some(number) = number else {
+                        remarks.extend(files.passed_over(at.frame, self.frame));
+                        continue;
+                    };
                     let (radius, fluids) = (RADIUS * radius, &self.fluids);
                     files.read(number, self.missing, fluids, radius, &mut remarks)?
                 }

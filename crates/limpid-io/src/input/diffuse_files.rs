@@ -62,6 +62,13 @@ impl DiffuseFiles {
         }
     }
 
+    /// The remark that a scene's one file is not shown with a frame, if it is not.
+    pub(super) fn passed_over(&self, frame: i64, selected: Option<i64>) -> Option<Remark> {
+        let own = selected.filter(|&own| self.single && own != frame)?;
+        let name = self.files.sequence.frames.first()?.path.file_name()?;
+        Some(Remark::OfOtherFrame { file: name.to_string_lossy().into_owned(), own })
+    }
+
     /// How its particles are drawn.
     pub(super) fn described(&self) -> String {
         let Self { kind, kinds, color, radius, .. } = self;

@@ -79,6 +79,13 @@ pub enum Remark {
     },
     /// The file has radii of its own, which win over the given one.
     OwnRadii,
+    /// A file of foam, spray, bubbles or dust is not shown with this frame, but with the one that the scene selects.
+    OfOtherFrame {
+        /// The file's name.
+        file: String,
+        /// Number of the scene's frame.
+        own: i64,
+    },
     /// Particles that are left out, since their positions are not finite or too large to be drawn.
     Unplaced {
         /// How many they are.
@@ -141,6 +148,7 @@ impl Remark {
             | Self::LeftOut { .. }
             | Self::NoneSelected { .. } => "",
             Self::Unread { problem, .. } => problem,
+            Self::OfOtherFrame { file, .. } => file,
         };
         (discriminant(self), name)
     }
@@ -191,6 +199,9 @@ impl fmt::Display for Remark {
             }
             Self::OwnRadii => {
                 f.write_str("the file has radii of its own, which win over the given one")
+            }
+            Self::OfOtherFrame { file, own } => {
+                write!(f, "{file} is shown with frame {own} alone, which the scene selects")
             }
             Self::Unplaced { unplaced, particles, first } => write!(
                 f,

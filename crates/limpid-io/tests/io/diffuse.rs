@@ -8,7 +8,7 @@ use limpid::diffuse::{Diffuse, DiffuseKind};
 use limpid::glam::{DVec3, Vec3};
 use limpid::liquid::Particles;
 use limpid_io::input::{FrameTime, Input, Loader};
-use limpid_io::particles::{self, read_diffuse, write_diffuse};
+use limpid_io::particles::{self, Remark, read_diffuse, write_diffuse};
 use limpid_io::project::Project;
 use tempfile::TempDir;
 
@@ -229,6 +229,8 @@ fn a_scene_names_files_and_says_what_is_shown() {
     let own = "[[diffuse]]\nsource = \"own.npz\"\nkinds = [\"spray\", \"bubbles\"]\ncolor = [0.5, 0.5, 0.25]\n";
     let (loader, project) = scene("frame = 1", own).unwrap();
     assert_eq!(kinds_at(&loader, 0), []);
+    let (_, remarks) = loader.diffuse(FrameTime::at(0), 0.5).unwrap();
+    assert_eq!(remarks, [Remark::OfOtherFrame { file: "own.npz".into(), own: 1 }]);
     let shown = loader.diffuse(FrameTime::at(1), 0.5).unwrap().0.unwrap();
     assert_eq!(shown.kinds, [Spray, Bubble]);
     let Vec3 { x, y, z } = 2.0 * foam.positions[1];
