@@ -39,7 +39,7 @@ pub struct Before {
 }
 
 impl Before {
-    /// What came before a frame of a view, whose particles have `radius`, m.
+    /// The frame before one of a view, whose particles have `radius`, m.
     pub fn new(view: &View, motion: &Motion, size: UVec2, radius: f32) -> Self {
         let previous = motion.previous.unwrap_or(*view);
         let CameraUniform { view_from_world, tangent, shift, .. } =
@@ -61,8 +61,8 @@ impl Before {
 pub struct SurfaceImages {
     /// Outward unit normal in view space, and depth in m; 0 where no liquid is at the pixel's centre.
     pub surface: wgpu::Texture,
-    /// Pixels that the surface has moved since the frame before, right and down, or foam and spray where they cover half of
-    /// the pixel; share of the pixel that the liquid covers; number of the fluid, from 0.
+    /// Pixels that the surface has moved since the frame before, right and down, or foam and spray that cover half of the
+    /// pixel; share of the pixel that the liquid covers; number of the fluid, from 0.
     pub motion: wgpu::Texture,
 }
 

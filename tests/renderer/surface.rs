@@ -132,8 +132,8 @@ fn motion_is_that_of_the_projected_points() {
     }
 }
 
-/// Where foam and spray cover a pixel, its motion is theirs: of one ball, and of a cloud of balls smaller than a pixel. The
-/// liquid keeps its own beside them, and before balls in it.
+/// Pixels under foam and spray have their motion: that of one ball, and of a sheet of balls smaller than a pixel. The liquid
+/// beside them and before balls in it keeps its own.
 #[test]
 fn foam_and_spray_have_their_motion() {
     let Some(mut harness) = harness() else { return };

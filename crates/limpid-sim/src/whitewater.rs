@@ -140,7 +140,7 @@ impl Whitewater {
     }
 }
 
-/// What keeps particles in: solids, and the extent of the liquid in the whole sequence.
+/// Obstacles of particles: solids, and the extent of the liquid in the whole sequence.
 pub(crate) struct Walls {
     colliders: Option<Colliders>,
     origin: DVec3,

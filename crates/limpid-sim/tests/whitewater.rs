@@ -464,7 +464,7 @@ fn rivers_raise_dust() {
     assert!(dust.positions.iter().all(|x| x.y < 6.0 * RADIUS));
 }
 
-/// What files do not tell.
+/// Velocities, times and gravity of files without them.
 #[test]
 fn velocities_times_and_gravity_are_estimated() {
     let a = Particles {

@@ -307,7 +307,7 @@ impl Document {
     }
 }
 
-/// What an automatic camera is for in a window of this size: wider windows show more at both sides.
+/// The framing of an automatic camera in a window of this size: wider windows show more at both sides.
 pub(crate) fn framing_of(size: UVec2) -> Framing {
     let is_narrow = size.min_element() > 0 && Framing::of(size).aspect < Framing::default().aspect;
     if is_narrow { Framing::of(size) } else { Framing::default() }
