@@ -128,14 +128,17 @@ pub(crate) fn end_unless_interrupted(flag: &Arc<AtomicBool>) -> bool {
     let mut at_work = locked();
     let ends = !flag.load(Ordering::Relaxed);
     if ends {
-        at_work.retain(|other| !Arc::ptr_eq(other, flag));
-        ENDED.notify_all();
+        remove(&mut at_work, flag);
     }
     ends
 }
 
 fn end(flag: &Arc<AtomicBool>) {
-    locked().retain(|other| !Arc::ptr_eq(other, flag));
+    remove(&mut locked(), flag);
+}
+
+fn remove(at_work: &mut Vec<Arc<AtomicBool>>, flag: &Arc<AtomicBool>) {
+    at_work.retain(|other| !Arc::ptr_eq(other, flag));
     ENDED.notify_all();
 }
 
