@@ -3,7 +3,7 @@
 //! Each particle is a white sphere. It is placed where it is seen: before the liquid, or refracted by the liquid's first
 //! surface. Probes on the picture look around for the light that reaches the spheres near them; then each sphere adds its
 //! coverage and its radiance to the sums of its pixels. Sums of integers do not depend on the order. Refraction draws them over
-//! its rays, whose later parts see the [`cells`] of a grid.
+//! its rays, whose later parts see the cells of a grid (`diffuse/cells.rs`).
 
 mod cells;
 
