@@ -24,14 +24,6 @@ pub(super) fn listen() -> std::io::Result<()> {
     #[cfg(unix)]
     {
         use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
-        // Libraries and drivers abort if an allocation fails: the exit code is then that of any other
-        // lack of memory. Without a memory limit (`ulimit -v`), an abort is a defect.
-        let limited = Arc::new(AtomicBool::new(is_memory_limited()));
-        signal_hook::flag::register_conditional_shutdown(
-            SIGABRT,
-            Category::Temporary as i32,
-            limited,
-        )?;
         // Writing beyond the limit on file sizes (`ulimit -f`) ends the process, unless the signal is
         // handled: then the write fails as on a full disk, and the unfinished file is removed.
         signal_hook::flag::register(SIGXFSZ, Arc::default())?;
@@ -40,8 +32,13 @@ pub(super) fn listen() -> std::io::Result<()> {
             [SIGINT, SIGTERM].into_iter().filter(|&signal| is_ignored(signal) != Some(true));
         let optional =
             [SIGHUP, SIGQUIT].into_iter().filter(|&signal| is_ignored(signal) == Some(false));
-        let handled = standard.chain(optional);
+        let is_limited = is_memory_limited();
+        let abort = is_limited.then_some(SIGABRT);
+        let handled = standard.chain(optional).chain(abort);
         let mut signals = signal_hook::iterator::Signals::new(handled)?;
+        if is_limited {
+            listen_to_aborts()?;
+        }
         let listen = move || {
             let mut first = None;
             signals.forever().for_each(|signal| receive(signal, &mut first));
@@ -54,6 +51,26 @@ pub(super) fn listen() -> std::io::Result<()> {
         let mut first = None;
         ctrlc::set_handler(move || receive(2, &mut first)).map_err(std::io::Error::other)
     }
+}
+
+/// Time in which files are removed after an abort.
+#[cfg(unix)]
+const ABANDONED_WITHIN: Duration = Duration::from_secs(2);
+
+/// Libraries and drivers abort if an allocation fails. With a memory limit (`ulimit -v`) that is an error like any other: the
+/// thread that listens removes the files, while the thread that failed waits. Without one, an abort is a defect.
+#[cfg(unix)]
+#[expect(unsafe_code, reason = "the handler only sleeps, which signals do not disturb")]
+fn listen_to_aborts() -> std::io::Result<()> {
+    use signal_hook::consts::SIGABRT;
+    // SAFETY: a sleep neither allocates nor locks.
+    unsafe {
+        signal_hook::low_level::register(SIGABRT, || std::thread::sleep(ABANDONED_WITHIN))?;
+    }
+    // If the thread that listens fails too.
+    let code = Category::Temporary as i32;
+    signal_hook::flag::register_conditional_shutdown(SIGABRT, code, Arc::new(true.into()))?;
+    Ok(())
 }
 
 /// Whether the address space of the process is limited.
@@ -75,6 +92,11 @@ fn is_ignored(signal: i32) -> Option<bool> {
 
 /// Handles a signal; `first` is the time of the first one.
 fn receive(signal: i32, first: &mut Option<Instant>) {
+    #[cfg(unix)]
+    if signal == signal_hook::consts::SIGABRT {
+        limpid_io::output::abandon();
+        signal_hook::low_level::exit(Category::Temporary as i32);
+    }
     #[cfg(unix)]
     if signal == signal_hook::consts::SIGQUIT {
         limpid_io::output::abandon();
