@@ -80,13 +80,6 @@ impl Limits {
 /// this much.
 pub const NOISE: f64 = 0.1;
 
-impl Choice {
-    /// Whether this is picked rather than `other`, whatever the limits, unless it is slower.
-    fn is_as_good(&self, other: &Self, list: List) -> bool {
-        self.error_px <= other.error_px && (list == List::Intersectors || self.flip <= other.flip)
-    }
-}
-
 impl Curve {
     /// The measurements that ship with limpid.
     pub fn shipped() -> &'static Self {

@@ -68,6 +68,13 @@ pub fn measure(gpu: &Gpu, list: List, choices: &[Choice], size: UVec2) -> Result
     Ok(ratios.iter().map(|ratios| median(ratios)).collect())
 }
 
+impl Choice {
+    /// Whether this is picked rather than `other`, whatever the limits, unless it is slower.
+    fn is_as_good(&self, other: &Self, list: List) -> bool {
+        self.error_px <= other.error_px && (list == List::Intersectors || self.flip <= other.flip)
+    }
+}
+
 /// Whether a choice is never picked, whatever the limits: another that is at least as good is clearly
 /// faster, by more than twice [`NOISE`].
 ///
