@@ -30,13 +30,14 @@ fn beyond(o: vec3f, d: vec3f, width: f32) -> vec3f {
 @compute @workgroup_size(64)
 fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let probe = group_index(group);
-    let across = probes_across();
+    let place = vec2u(probe % probes_across(), probe / probes_across());
+    let middle = place * PROBE_SIDE + PROBE_SIDE / 2u;
     let probes = arrayLength(&nearest_spheres);
     let nearest = nearest_spheres[min(probe, probes - 1u)];
     let has_spheres = probe < probes && nearest != 0u;
     var own = array<vec3f, 4>();
     if has_spheres {
-        let texel = min(vec2i(vec2u(probe % across, probe / across) * PROBE_SIDE + PROBE_SIDE / 2u), vec2i(camera.size) - 1);
+        let texel = min(vec2i(middle), vec2i(camera.size) - 1);
         var body = body_at(texel);
         let disparity = bitcast<f32>(nearest);
         if plane_is_empty(body.front) || body.disparity < 0.5 * disparity {
@@ -65,10 +66,9 @@ fn look_around(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
         workgroupBarrier();
     }
     if local < PROBE_TEXELS && probe < probes {
-        let texel = vec2u(PROBE_TEXELS * (probe % across) + local, probe / across);
-        let pixel = vec2f(vec2u(probe % across, probe / across) * PROBE_SIDE + PROBE_SIDE / 2u);
+        let texel = vec2u(PROBE_TEXELS * place.x + local, place.y);
         // The mean normal of a disc is two thirds of that at its centre.
-        let n = -0.66666667 * camera_world_direction(camera_ray_direction(camera_omega(pixel)));
+        let n = -0.66666667 * camera_world_direction(camera_ray_direction(camera_omega(vec2f(middle))));
         let facing = max(sums[0][0] + n.x * sums[0][1] + n.y * sums[0][2] + n.z * sums[0][3], vec3f(0.0));
         let light = select(sums[0][min(local, 3u)], facing, local == u32(TO_EYE)) / f32(LOOKS);
         textureStore(probes_out, texel, vec4f(light, select(0.0, 1.0, has_spheres)));

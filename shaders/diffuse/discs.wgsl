@@ -83,7 +83,24 @@ fn point_at(sphere: Placed, pixel: vec2i) -> Point {
     );
 }
 
-// Visits the pixels of a large sphere with the threads of a workgroup: `i` is one of their numbers.
+// Calls the root's `at_pixel` for each pixel of the picture that a large sphere covers. Each workgroup takes some spheres, and
+// its threads take their pixels.
+fn visit_large(group: u32, groups: u32, local: u32) {
+    for (var k = group; k < large.count; k += groups) {
+        let index = large.spheres[k];
+        let sphere = placed[index];
+        let across = 2u * reach_of(sphere) + 1u;
+        for (var i = local; i < across * across; i += 64u) {
+            let pixel = pixel_of(sphere, i);
+            let point = point_at(sphere, pixel);
+            if is_in_picture(pixel) && point.covered > 0.0 {
+                at_pixel(sphere, index, pixel, point);
+            }
+        }
+    }
+}
+
+// Pixel number i of the square around a large sphere.
 fn pixel_of(sphere: Placed, i: u32) -> vec2i {
     let reach = reach_of(sphere);
     let across = 2u * reach + 1u;

@@ -103,24 +103,17 @@ fn add_small(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     }
 }
 
+fn at_pixel(sphere: Placed, index: u32, pixel: vec2i, point: Point) {
+    let albedo = params.albedos[kind_of(sphere.traits)].rgb;
+    let radiance = point_radiance(sphere, albedo, camera_world_direction(point.normal));
+    add(sphere, pixel, opacity_of(sphere.traits) * point.covered, radiance, point.disparity);
+}
+
 @compute @workgroup_size(64)
 fn add_large(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    for (var k = group.x; k < large.count; k += groups.x) {
-        let index = large.spheres[k];
-        let sphere = placed[index];
-        let albedo = params.albedos[kind_of(sphere.traits)].rgb;
-        let across = 2u * reach_of(sphere) + 1u;
-        for (var i = local; i < across * across; i += 64u) {
-            let pixel = pixel_of(sphere, i);
-            let point = point_at(sphere, pixel);
-            if point.covered > 0.0 {
-                let radiance = point_radiance(sphere, albedo, camera_world_direction(point.normal));
-                add(sphere, pixel, opacity_of(sphere.traits) * point.covered, radiance, point.disparity);
-            }
-        }
-    }
+    visit_large(group.x, groups.x, local);
 }

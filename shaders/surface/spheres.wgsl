@@ -67,21 +67,15 @@ fn add_small(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     }
 }
 
+fn at_pixel(sphere: Placed, index: u32, pixel: vec2i, point: Point) {
+    add(sphere, pixel, point.covered, point.disparity, motion_of(sphere, index));
+}
+
 @compute @workgroup_size(64)
 fn add_large(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    for (var k = group.x; k < large.count; k += groups.x) {
-        let index = large.spheres[k];
-        let sphere = placed[index];
-        let moved = motion_of(sphere, index);
-        let across = 2u * reach_of(sphere) + 1u;
-        for (var i = local; i < across * across; i += 64u) {
-            let pixel = pixel_of(sphere, i);
-            let point = point_at(sphere, pixel);
-            add(sphere, pixel, point.covered, point.disparity, moved);
-        }
-    }
+    visit_large(group.x, groups.x, local);
 }

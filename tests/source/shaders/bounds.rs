@@ -4,7 +4,7 @@ use super::library::KnownLoop;
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-pub(super) const LOOPS: [KnownLoop; 220] = [
+pub(super) const LOOPS: [KnownLoop; 216] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
@@ -145,12 +145,8 @@ pub(super) const LOOPS: [KnownLoop; 220] = [
     ("diffuse/sums.wgsl", "point_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the lights, 16 at most"),
     ("diffuse/sums.wgsl", "add_small", "for (var i = 0; i < select(0, square.across.x * square.across.y, is_drawn); i++)", "36 pixels"),
     ("surface/spheres.wgsl", "add_small", "for (var i = 0; i < square.across.x * square.across.y; i++)", "36 pixels"),
-    ("surface/spheres.wgsl", "add_large", "for (var k = group.x; k < large.count; k += groups.x)", "the large spheres"),
-    ("surface/spheres.wgsl", "add_large", "for (var i = local; i < across * across; i += 64u)", "the pixels of a square around the sphere"),
-    ("diffuse/cover.wgsl", "cover", "for (var k = group.x; k < large.count; k += groups.x)", "the large spheres"),
-    ("diffuse/cover.wgsl", "cover", "for (var i = local; i < across * across; i += 64u)", "the pixels of a square around the sphere"),
-    ("diffuse/sums.wgsl", "add_large", "for (var k = group.x; k < large.count; k += groups.x)", "the large spheres"),
-    ("diffuse/sums.wgsl", "add_large", "for (var i = local; i < across * across; i += 64u)", "the pixels of a square around the sphere"),
+    ("diffuse/discs.wgsl", "visit_large", "for (var k = group; k < large.count; k += groups)", "the large spheres"),
+    ("diffuse/discs.wgsl", "visit_large", "for (var i = local; i < across * across; i += 64u)", "the pixels of a square around the sphere"),
     ("turbid/slab.wgsl", "slab_scattered", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("turbid/slab.wgsl", "slab_light", "for (var c = 0; c < 3; c++)", "a constant"),
     ("turbid/around.wgsl", "look_around", "for (var i = 0u; i < DIRECTIONS; i++)", "a constant"),
