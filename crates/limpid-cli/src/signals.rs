@@ -32,12 +32,11 @@ pub(super) fn listen() -> std::io::Result<()> {
             [SIGINT, SIGTERM].into_iter().filter(|&signal| is_ignored(signal) != Some(true));
         let optional =
             [SIGHUP, SIGQUIT].into_iter().filter(|&signal| is_ignored(signal) == Some(false));
-        let is_limited = is_memory_limited();
-        let abort = is_limited.then_some(SIGABRT);
+        let abort = is_memory_limited().then_some(SIGABRT);
         let handled = standard.chain(optional).chain(abort);
         let mut signals = signal_hook::iterator::Signals::new(handled)?;
-        if is_limited {
-            listen_to_aborts()?;
+        if abort.is_some() {
+            wait_after_aborts()?;
         }
         let listen = move || {
             let mut first = None;
@@ -61,13 +60,14 @@ const ABANDONED_WITHIN: Duration = Duration::from_secs(2);
 /// thread that listens removes the files, while the thread that failed waits. Without one, an abort is a defect.
 #[cfg(unix)]
 #[expect(unsafe_code, reason = "the handler only sleeps, which signals do not disturb")]
-fn listen_to_aborts() -> std::io::Result<()> {
+fn wait_after_aborts() -> std::io::Result<()> {
     use signal_hook::consts::SIGABRT;
     // SAFETY: a sleep neither allocates nor locks.
     unsafe {
         signal_hook::low_level::register(SIGABRT, || std::thread::sleep(ABANDONED_WITHIN))?;
     }
-    // If the thread that listens fails too.
+    // Actions run in the order of their registration: the listener is told, this thread waits, and if the listener fails too,
+    // the process ends.
     let code = Category::Temporary as i32;
     signal_hook::flag::register_conditional_shutdown(SIGABRT, code, Arc::new(true.into()))?;
     Ok(())

@@ -1,4 +1,4 @@
-//! Handling of SIGINT, SIGTERM, SIGHUP and SIGQUIT.
+//! Handling of SIGINT, SIGTERM, SIGHUP, SIGQUIT and SIGABRT.
 
 use super::*;
 
@@ -79,17 +79,36 @@ fn sigquit_leaves_no_files() {
     if !adapter() {
         return;
     }
+    // Without a core dump.
+    let ended = ended_by("QUIT", "ulimit -c 0");
+    assert_eq!(std::os::unix::process::ExitStatusExt::signal(&ended), Some(3), "{ended}");
+}
+
+/// Libraries abort if an allocation fails: under a memory limit that is a retryable error, and leaves no files either.
+#[test]
+#[cfg(unix)]
+fn aborts_under_a_memory_limit_leave_no_files() {
+    if !adapter() {
+        return;
+    }
+    let ended = ended_by("ABRT", "ulimit -v 16000000");
+    assert_eq!(ended.code(), Some(6), "{ended}");
+}
+
+/// Sends a signal to a run, under a limit, that has claimed a frame. It must leave nothing.
+#[cfg(unix)]
+fn ended_by(name: &str, limit: &str) -> std::process::ExitStatus {
     let project = Project::new(2);
     let mut command = Command::new("sh");
-    // Without a core dump.
-    command.args(["-c", "ulimit -c 0; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_limpid"), "render"]);
+    let shell = format!("{limit}; exec \"$0\" \"$@\"");
+    command.args(["-c", &shell, env!("CARGO_BIN_EXE_limpid"), "render"]);
     command.args(["water", "--size=1600x1200", "--samples=64", "--claim", "-o", "f/"]);
     let mut child = command.current_dir(project.0.path()).spawn().unwrap();
     until("a claim", || project.path("f/frame_0001.png.claim1").exists());
-    signal(&child, "QUIT");
+    signal(&child, name);
     let ended = child.wait().unwrap();
-    assert_eq!(std::os::unix::process::ExitStatusExt::signal(&ended), Some(3), "{ended}");
     assert!(project.files("f").is_empty(), "{:?}", project.files("f").keys());
+    ended
 }
 
 /// A run started by `nohup` continues when its terminal is closed.
