@@ -4,6 +4,8 @@ mod adapters;
 mod binding;
 mod commands;
 mod compiled;
+#[doc(hidden)]
+pub mod prune;
 mod readback;
 #[doc(hidden)]
 pub mod shader;

@@ -44,11 +44,13 @@ struct Solid {
 @group(2) @binding(0) var<uniform> scene: Scene;
 // Pipeline constants that describe the solids in uniform memory, so that a software adapter unrolls
 // the loops over them: the most effective optimisation in this file there. No branch depends on the
-// solids' data (for the reason see `uniforms_are_stored` in src/gpu.rs): SHAPES and ANY_LIT compile
-// out what a scene lacks, the rest uses `select`.
+// solids' data (for the reason see `uniforms_are_stored` in src/gpu.rs): constants remove what a scene
+// lacks (src/gpu/prune.rs), the rest uses `select`.
 override SOLIDS: u32 = 0u;      // number of solids
 override MESHES: u32 = 0u;      // number of meshes, the last solids
-override SHAPES: u32 = 7u;      // bit set of the solids' shapes, 1 << PLANE and so on
+override HAS_PLANES: bool = true;  // whether any solid is a plane
+override HAS_BOXES: bool = true;
+override HAS_SPHERES: bool = true;
 override TEXTURES: bool = false; // whether any solid but a mesh has a texture
 override ANY_LIT: bool = true;  // whether any solid is lit
 override ENVIRONMENT: u32 = 0u; // one of ENVIRONMENT_*
@@ -80,7 +82,7 @@ fn scene_trace(o: vec3f, d: vec3f) -> SolidHit {
             hit.index = i;
         }
     }
-    if has_shape(MESH) {
+    if MESHES > 0u {
         for (var i = SOLIDS - MESHES; i < SOLIDS; i++) {
             // As in `shape_of`: constant indices would make uniform memory decide branches.
             let index = select(i, MAX_SOLIDS - 1u, d.x > 3e38);
@@ -92,7 +94,7 @@ fn scene_trace(o: vec3f, d: vec3f) -> SolidHit {
     }
     if hit.t < NOTHING {
         hit.normal = solid_normal(solids[hit.index], o + hit.t * d);
-        if has_shape(MESH) && hit.triangle != NO_TRIANGLE {
+        if MESHES > 0u && hit.triangle != NO_TRIANGLE {
             hit.normal = mesh_normal(hit.index, hit.triangle);
         }
     }
@@ -106,7 +108,7 @@ fn scene_blocks(o: vec3f, d: vec3f, far: f32) -> bool {
         let t = solid_trace(solids[i], o, d);
         nearest = select(nearest, min(nearest, t), t > 0.0);
     }
-    if has_shape(MESH) && nearest >= min(far, NOTHING) {
+    if MESHES > 0u && nearest >= min(far, NOTHING) {
         for (var i = SOLIDS - MESHES; i < SOLIDS; i++) {
             let index = select(i, MAX_SOLIDS - 1u, d.x > 3e38);
             nearest = min(nearest, mesh_trace(index, o, d, min(far, NOTHING), true).t);
@@ -124,21 +126,17 @@ fn shape_of(solid: Solid, x: vec3f) -> u32 {
     return select(solid.shape, NO_SHAPE, x.x > 3e38);
 }
 
-fn has_shape(shape: u32) -> bool {
-    return (SHAPES & (1u << shape)) != 0u;
-}
-
 fn solid_trace(solid: Solid, o: vec3f, d: vec3f) -> f32 {
     let from_origin = o - solid.origin;
     let shape = shape_of(solid, d);
     var t = NOTHING;
-    if has_shape(PLANE) {
+    if HAS_PLANES {
         t = select(t, plane_trace(solid, from_origin, d), shape == PLANE);
     }
-    if has_shape(BOX) {
+    if HAS_BOXES {
         t = select(t, box_trace(solid, from_origin, d), shape == BOX);
     }
-    if has_shape(SPHERE) {
+    if HAS_SPHERES {
         t = select(t, sphere_trace(solid, from_origin, d), shape == SPHERE);
     }
     return t;
@@ -178,13 +176,13 @@ fn solid_normal(solid: Solid, x: vec3f) -> vec3f {
     let from_origin = x - solid.origin;
     let shape = shape_of(solid, x);
     var normal = solid.extent;
-    if has_shape(BOX) {
+    if HAS_BOXES {
         let face = abs(from_origin) - solid.extent;
         let largest = max(max(face.x, face.y), face.z);
         let box_normal = normalize(sign(from_origin) * step(vec3f(largest), face));
         normal = select(normal, box_normal, shape == BOX);
     }
-    if has_shape(SPHERE) {
+    if HAS_SPHERES {
         normal = select(normal, normalize(from_origin), shape == SPHERE);
     }
     return normal;
@@ -195,18 +193,18 @@ fn solid_distance(solid: Solid, x: vec3f) -> f32 {
     let from_origin = x - solid.origin;
     let shape = shape_of(solid, x);
     var nearest = NOTHING;
-    if has_shape(PLANE) {
+    if HAS_PLANES {
         let within = plane_coordinates(solid.extent, from_origin);
         let above = abs(dot(from_origin, solid.extent));
         let on = (shape == PLANE) & all(abs(within) <= vec2f(solid.half_extent));
         nearest = select(nearest, above, on);
     }
-    if has_shape(BOX) {
+    if HAS_BOXES {
         let face = abs(from_origin) - solid.extent;
         let distance = length(max(face, vec3f(0.0))) + min(max(max(face.x, face.y), face.z), 0.0);
         nearest = select(nearest, distance, shape == BOX);
     }
-    if has_shape(SPHERE) {
+    if HAS_SPHERES {
         nearest = select(nearest, length(from_origin) - solid.extent.x, shape == SPHERE);
     }
     return nearest;
@@ -223,7 +221,7 @@ fn plane_coordinates(n: vec3f, x: vec3f) -> vec2f {
 fn solid_color(solid: Solid, triangle: u32, x: vec3f, normal: vec3f, d: vec3f, width: f32) -> vec3f {
     // As in `shape_of`.
     let texture = select(solid.texture, 0u, x.x > 3e38);
-    if has_shape(MESH) && triangle != NO_TRIANGLE && texture != 0u {
+    if MESHES > 0u && triangle != NO_TRIANGLE && texture != 0u {
         return mesh_color(solid, triangle, x, dot(normal, d), width);
     }
     if TEXTURES && texture != 0u {
@@ -237,7 +235,7 @@ fn solid_color(solid: Solid, triangle: u32, x: vec3f, normal: vec3f, d: vec3f, w
     }
     let tile = floor(plane_coordinates(normal, at));
     var parity = tile.x + tile.y;
-    if has_shape(SPHERE) || has_shape(MESH) {
+    if HAS_SPHERES || MESHES > 0u {
         let cell = floor(at);
         parity = select(parity, cell.x + cell.y + cell.z, is_round(solid, x));
     }
@@ -258,7 +256,7 @@ fn solid_texture(solid: Solid, texture: u32, x: vec3f, normal: vec3f, d: vec3f, 
     let aspect = f32(mesh_surfaces[texture]) / f32(mesh_surfaces[texture + 1u]);
     var uv = flat_at / solid.tile * vec2f(1.0, aspect) + 0.5;
     var copies = width / solid.tile * sqrt(aspect);
-    if has_shape(SPHERE) {
+    if HAS_SPHERES {
         let around = vec2f(atan2(normal.x, -normal.z) / 6.28318531 + 0.5, acos(clamp(normal.y, -1.0, 1.0)) / 3.14159265);
         let round = shape_of(solid, x) == SPHERE;
         uv = select(uv, around, round);
@@ -278,7 +276,7 @@ fn even_share(solid: Solid, at: vec3f, normal: vec3f, d: vec3f, width: f32) -> f
     let side = alternation(at, extent);
     let sides = plane_coordinates(normal, side);
     var product = sides.x * sides.y;
-    if has_shape(SPHERE) || has_shape(MESH) {
+    if HAS_SPHERES || MESHES > 0u {
         product = select(product, side.x * side.y * side.z, is_round(solid, at));
     }
     return 0.5 + 0.5 * product;
@@ -326,7 +324,7 @@ fn solid_radiance(
     let n = select(normal, -normal, dot(d, normal) > 0.0);
     var shading_n = n;
     var rounding = 0.0;
-    if has_shape(MESH) && triangle != NO_TRIANGLE {
+    if MESHES > 0u && triangle != NO_TRIANGLE {
         shading_n = mesh_shading_normal(solid, triangle, x, n);
         rounding = 1e-6 * solid.extent.x * solid.extent.z;
     }

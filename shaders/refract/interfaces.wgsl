@@ -240,7 +240,7 @@ fn touches(solid: SolidHit, at: vec3f, x: vec3f) -> bool {
     if (HOST || OPAQUE_FLUIDS) && solid.index == HOST_SCENE {
         return abs(dot(solid.normal, camera_world_direction(x - at))) <= params.contact;
     }
-    if has_shape(MESH) && solid.triangle != NO_TRIANGLE {
+    if MESHES > 0u && solid.triangle != NO_TRIANGLE {
         return mesh_is_near(solid.index, camera_world_point(x), params.contact);
     }
     return abs(solid_distance(solids[solid.index], camera_world_point(x))) <= params.contact;

@@ -121,7 +121,7 @@ fn texel_radiance(texel: vec2i, ambient: vec3f, travelled: f32) -> vec3f {
     let plane = textureLoad(gbuffer_planes, texel, 0).xyz;
     let surface = textureLoad(gbuffer_surfaces, texel, 0);
     let d = camera_world_direction(camera_ray_direction(omega));
-    if has_shape(MESH) {
+    if MESHES > 0u {
         // The G-buffer does not know triangles, nor in which order the solids are uploaded.
         let o = camera_world_point(camera_ray_origin(omega));
         let hit = scene_trace(o, d);

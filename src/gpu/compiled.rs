@@ -6,46 +6,38 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use rayon::prelude::*;
 
 use super::Gpu;
+use super::prune::prune;
 use super::shader::{self, Library, Words};
 
-/// The modules, layouts and pipelines of a device.
+/// The modules, layouts and pipelines of a device. A place is empty while one is made.
 #[derive(Debug, Default)]
 pub(super) struct Compiled {
-    /// By root and words.
-    modules: Mutex<HashMap<(String, Words), wgpu::ShaderModule>>,
+    /// By root, words and constants.
+    modules: Mutex<HashMap<(String, Words, Constants), Place<wgpu::ShaderModule>>>,
+    /// By text, which does not depend on all constants.
+    texts: Mutex<HashMap<String, Place<wgpu::ShaderModule>>>,
     /// By stages and bindings.
     layouts: Mutex<HashMap<(wgpu::ShaderStages, Vec<wgpu::BindingType>), wgpu::BindGroupLayout>>,
-    /// Empty while they are compiled.
-    pipelines: Mutex<HashMap<Kernel, Arc<OnceLock<wgpu::ComputePipeline>>>>,
+    pipelines: Mutex<HashMap<Kernel, Place<wgpu::ComputePipeline>>>,
 }
 
-/// An entry point of a shader's module, its layouts, and its constants with the bits of their values.
+type Place<T> = Arc<OnceLock<T>>;
+
+/// Names of constants, with the bits of their values.
+type Constants = Vec<(String, u64)>;
+
+fn bits(constants: &[(&str, f64)]) -> Constants {
+    constants.iter().map(|&(name, value)| (name.to_owned(), value.to_bits())).collect()
+}
+
+/// An entry point of a shader's module, its layouts, and its constants.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) struct Kernel {
     shader: String,
     module: wgpu::ShaderModule,
     entry_point: String,
     layouts: Vec<wgpu::BindGroupLayout>,
-    constants: Vec<(String, u64)>,
-}
-
-impl Kernel {
-    fn new(
-        shader: &str,
-        module: &wgpu::ShaderModule,
-        entry_point: &str,
-        layouts: &[&wgpu::BindGroupLayout],
-        constants: &[(&str, f64)],
-    ) -> Self {
-        let bits = |&(name, value): &(&str, f64)| (name.to_owned(), value.to_bits());
-        Self {
-            shader: shader.to_owned(),
-            module: module.clone(),
-            entry_point: entry_point.to_owned(),
-            layouts: layouts.iter().copied().cloned().collect(),
-            constants: constants.iter().map(bits).collect(),
-        }
-    }
+    constants: Constants,
 }
 
 /// A panic while something was made leaves the map as it was.
@@ -54,31 +46,34 @@ fn locked<T>(map: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Gpu {
-    /// The shader module of a root of the renderer for such words.
-    #[doc(hidden)]
-    pub fn module(&self, root: &str, words: Words) -> wgpu::ShaderModule {
-        self.module_of(shader::RENDERER, root, words)
-    }
-
-    /// As [`Gpu::module`], of a library.
-    #[doc(hidden)]
-    pub fn module_of(&self, library: Library, root: &str, words: Words) -> wgpu::ShaderModule {
+    /// The shader module of a root of a library, for such words and for pipelines with these constants.
+    pub(crate) fn module(
+        &self,
+        library: Library,
+        root: &str,
+        words: Words,
+        constants: &[(&str, f64)],
+    ) -> wgpu::ShaderModule {
         let words = Words {
             stored_uniforms: self.uniforms_are_stored(),
             stored_layers: self.layers_are_stored() && !words.mips,
             grain: self.grain(),
             ..words
         };
-        let create = || {
+        let create = |text: &str| {
             self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(root),
-                source: wgpu::ShaderSource::Wgsl(library.source(root, words).into()),
+                source: wgpu::ShaderSource::Wgsl(text.into()),
             })
         };
-        locked(&self.compiled.modules)
-            .entry((root.to_owned(), words))
-            .or_insert_with(create)
-            .clone()
+        let find = || {
+            let text = prune(&library.source(root, words), constants);
+            let place = locked(&self.compiled.texts).entry(text.clone()).or_default().clone();
+            place.get_or_init(|| create(&text)).clone()
+        };
+        let key = (root.to_owned(), words, bits(constants));
+        let place = locked(&self.compiled.modules).entry(key).or_default().clone();
+        place.get_or_init(find).clone()
     }
 
     /// The layout of bindings 0, 1, … visible to `stages`.
@@ -159,21 +154,28 @@ impl Gpu {
         layouts: &[&wgpu::BindGroupLayout],
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
-        let module = self.module(shader, Words::default());
-        self.module_pipeline(shader, &module, entry_point, layouts, constants)
+        self.pipeline_of(
+            shader::RENDERER,
+            shader,
+            Words::default(),
+            entry_point,
+            layouts,
+            constants,
+        )
     }
 
-    /// As [`Gpu::compute_pipeline`], from an existing module.
+    /// As [`Gpu::compute_pipeline`], of a library and for such words.
     #[doc(hidden)]
-    pub fn module_pipeline(
+    pub fn pipeline_of(
         &self,
+        library: Library,
         shader: &str,
-        module: &wgpu::ShaderModule,
+        words: Words,
         entry_point: &str,
         layouts: &[&wgpu::BindGroupLayout],
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
-        let kernel = Kernel::new(shader, module, entry_point, layouts, constants);
+        let kernel = self.kernel_of(library, shader, words, entry_point, layouts, constants);
         self.known(&kernel).unwrap_or_else(|| self.compile(&kernel))
     }
 
@@ -186,7 +188,25 @@ impl Gpu {
         layouts: &[&wgpu::BindGroupLayout],
         constants: &[(&str, f64)],
     ) -> Kernel {
-        Kernel::new(shader, &self.module(shader, words), entry_point, layouts, constants)
+        self.kernel_of(shader::RENDERER, shader, words, entry_point, layouts, constants)
+    }
+
+    fn kernel_of(
+        &self,
+        library: Library,
+        shader: &str,
+        words: Words,
+        entry_point: &str,
+        layouts: &[&wgpu::BindGroupLayout],
+        constants: &[(&str, f64)],
+    ) -> Kernel {
+        Kernel {
+            shader: shader.to_owned(),
+            module: self.module(library, shader, words, constants),
+            entry_point: entry_point.to_owned(),
+            layouts: layouts.iter().copied().cloned().collect(),
+            constants: bits(constants),
+        }
     }
 
     /// The pipelines of entry points, in their order. New ones are compiled side by side.

@@ -145,8 +145,10 @@ pub struct SceneVariant {
     pub solids: u32,
     /// Number of meshes among them.
     pub meshes: u32,
-    /// Bit mask of their shapes: 1 plane, 2 box, 4 sphere, 8 mesh.
-    pub shapes: u32,
+    /// Whether any is a plane, a box or a sphere.
+    pub planes: bool,
+    pub boxes: bool,
+    pub balls: bool,
     /// Whether any but a mesh has a texture.
     pub textures: bool,
     /// Whether any is lit.
@@ -183,13 +185,14 @@ impl SceneVariant {
             scene.settings.refract.filter_patterns && scene.solids.iter().any(patterned);
         let solids = scene.solids.len() as u32;
         let lights = if scene.is_lit() { scene.lights.len() as u32 } else { 0 };
-        let shapes =
-            scene.solids.iter().fold(0, |shapes, solid| shapes | 1 << shape_code(&solid.shape));
+        let any = |code| scene.solids.iter().any(|solid| shape_code(&solid.shape) == code);
         let lit = scene.solids.iter().any(|solid| solid.lit);
         Self {
             solids,
             meshes: scene.solids.iter().filter(is_mesh).count() as u32,
-            shapes,
+            planes: any(PLANE),
+            boxes: any(BOX),
+            balls: any(SPHERE),
             textures: scene.solids.iter().any(is_textured),
             lit,
             lights,
@@ -207,11 +210,13 @@ impl SceneVariant {
         Self { spheres: true, lights: scene.lights.len() as u32, ..self }
     }
 
-    pub fn constants(self) -> [(&'static str, f64); 11] {
+    pub fn constants(self) -> [(&'static str, f64); 13] {
         [
             ("SOLIDS", self.solids),
             ("MESHES", self.meshes),
-            ("SHAPES", self.shapes),
+            ("HAS_PLANES", self.planes.into()),
+            ("HAS_BOXES", self.boxes.into()),
+            ("HAS_SPHERES", self.balls.into()),
             ("TEXTURES", self.textures.into()),
             ("ANY_LIT", self.lit.into()),
             ("LIGHTS", self.lights),
@@ -412,14 +417,17 @@ fn bind(
 /// The shape's code in `common/scene.wgsl`.
 fn shape_code(shape: &Shape) -> u32 {
     match shape {
-        Shape::Plane { .. } => 0,
-        Shape::Box { .. } => 1,
-        Shape::Sphere { .. } => 2,
+        Shape::Plane { .. } => PLANE,
+        Shape::Box { .. } => BOX,
+        Shape::Sphere { .. } => SPHERE,
         Shape::Mesh { .. } => MESH,
     }
 }
 
-/// A mesh's code.
+// The codes of shapes, as in the shader.
+const PLANE: u32 = 0;
+const BOX: u32 = 1;
+const SPHERE: u32 = 2;
 const MESH: u32 = 3;
 
 /// A mesh's own colours in place of a texture.

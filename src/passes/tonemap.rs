@@ -8,6 +8,7 @@ use wgpu::TextureViewDimension::D2;
 
 use super::Radiance;
 use crate::error::Result;
+use crate::gpu::shader::{RENDERER, Words};
 use crate::gpu::{self, Gpu, Span};
 use crate::settings::{self, Curve};
 
@@ -258,7 +259,7 @@ fn view_pipeline(
     layout: &wgpu::BindGroupLayout,
     target: wgpu::ColorTargetState,
 ) -> wgpu::RenderPipeline {
-    let module = gpu.module("tonemap.wgsl", gpu::shader::Words::default());
+    let module = gpu.module(RENDERER, "tonemap.wgsl", Words::default(), &[]);
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("tonemap"),
         bind_group_layouts: &[Some(layout)],

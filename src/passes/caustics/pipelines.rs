@@ -3,6 +3,7 @@
 use wgpu::TextureViewDimension::D2;
 
 use super::{LANDING, LIGHT_SUMS, Params, VERTEX};
+use crate::gpu::shader::{RENDERER, Words};
 use crate::gpu::{self, Gpu, Grain};
 use crate::passes::refract::{self, Variant};
 use crate::passes::scene_binding::{SceneBinding, SceneVariant};
@@ -141,8 +142,7 @@ impl Pipelines {
         key: Key,
     ) -> Self {
         let pipeline = |file: &str, entry: &str, layout, constants: &[(&'static str, f64)]| {
-            let intersector = gpu::shader::Words::of(key.variant.shader());
-            let module = gpu.module(file, intersector);
+            let intersector = Words::of(key.variant.shader());
             let all = [
                 &key.variant.constants()[..],
                 &key.scene.constants(),
@@ -150,7 +150,7 @@ impl Pipelines {
                 constants,
             ];
             let groups = [&camera.layout, &layouts.inputs, &bound.layout, layout];
-            gpu.module_pipeline(file, &module, entry, &groups, &all.concat())
+            gpu.pipeline_of(RENDERER, file, intersector, entry, &groups, &all.concat())
         };
         let method = [("METHOD", f64::from(key.method as u32))];
         let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);

@@ -87,7 +87,7 @@ impl Uploaded {
                 let n = mesh_normal(0u, hit.triangle);
                 return array(hit.t, f32(hit.triangle), n.x, n.y, n.z);
             }",
-            constants: &[("SOLIDS", 1.0), ("MESHES", 1.0), ("SHAPES", 8.0)],
+            constants: &[("SOLIDS", 1.0), ("MESHES", 1.0)],
             resources: &self.resources()[..2],
         };
         kernel.run(gpu, rays)
@@ -290,7 +290,7 @@ fn nearness_is_that_of_the_distance() {
         body: "fn test(x: array<f32, 4>) -> array<f32, 1> {
             return array(f32(mesh_is_near(0u, vec3f(x[0], x[1], x[2]), x[3])));
         }",
-        constants: &[("SOLIDS", 1.0), ("MESHES", 1.0), ("SHAPES", 8.0)],
+        constants: &[("SOLIDS", 1.0), ("MESHES", 1.0)],
         resources: &uploaded.resources()[..2],
     };
     let shape = Shape::Mesh { mesh: uploaded.mesh.clone(), placement };
@@ -338,7 +338,7 @@ fn textures_are_upright_and_bilinear() {
             let c = mesh_color(solids[0], hit.triangle, vec3f(x[0], x[1], 0.0), 1.0, 0.0);
             return array(c.x, c.y, c.z);
         }",
-        constants: &[("SOLIDS", 1.0), ("MESHES", 1.0), ("SHAPES", 8.0)],
+        constants: &[("SOLIDS", 1.0), ("MESHES", 1.0)],
         resources: &uploaded.resources(),
     };
     let cases = [

@@ -90,8 +90,7 @@ pub(crate) fn assert_roots_are_valid(library: Library) {
             assert!(name.is_some_and(|name| plain.contains(&name)), "{root}: uniform {name:?}");
         }
         check(root, &stored)?;
-        let (module, info) = check(root, &text)?;
-        specialise(root, &module, &info)
+        specialise(root, &text)
     };
     let broken: Vec<_> = (library.roots.iter())
         .filter_map(|root| match valid(root) {
@@ -114,8 +113,7 @@ pub(crate) fn assert_columns_are_valid(library: Library) -> usize {
             continue;
         }
         drawn += 1;
-        let checked = check(root, &text);
-        let done = checked.and_then(|(module, info)| specialise(root, &module, &info));
+        let done = specialise(root, &text);
         done.and_then(|_| translate_all(root, &text)).unwrap_or_else(|problem| panic!("{problem}"));
     }
     drawn

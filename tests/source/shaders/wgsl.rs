@@ -1,5 +1,9 @@
 //! Shaders by naga: parsed, validated, specialised and translated.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use limpid::gpu::prune::prune;
 use naga::back::pipeline_constants::process_overrides;
 use naga::back::{glsl, hlsl, msl, spv};
 use naga::proc::BoundsCheckPolicies;
@@ -33,7 +37,6 @@ fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
         (Some("GAP" | "CLASS"), _) => &[0.0, 1.0],
         (Some("METHOD"), _) => &[0.0, 1.0, 2.0],
         (Some("STRIDE"), _) => &[1.0, 2.0, 4.0],
-        (Some("SHAPES"), _) => &[0.0, 1.0, 2.0, 4.0, 7.0, 8.0, 15.0],
         (Some("TAPS"), _) => &[1.0, 2.0, 16.0],
         (Some("SAMPLES"), _) => &[1.0, 4.0, 64.0],
         (Some("EDGE_SAMPLES"), _) => &[1.0, 16.0, 64.0],
@@ -63,18 +66,27 @@ fn specialisations(module: &naga::Module) -> Vec<Vec<(String, f64)>> {
     alone.chain([first, last]).collect()
 }
 
-/// Specialises every entry point with every set of constants. Returns the number of specialisations.
-pub(crate) fn specialise(
-    name: &str,
-    module: &naga::Module,
-    info: &ModuleInfo,
-) -> Result<usize, String> {
-    let sets = specialisations(module);
-    for entry in &module.entry_points {
-        for set in &sets {
-            let chosen = set.iter().cloned().collect();
+/// Specialises every entry point with every set of constants, as devices do: without the branches that these rule out.
+/// Returns the number of specialisations.
+pub(crate) fn specialise(name: &str, text: &str) -> Result<usize, String> {
+    let (module, _) = check(name, text)?;
+    let sets = specialisations(&module);
+    // Many constants decide no branch.
+    let mut checked = HashMap::new();
+    for set in &sets {
+        let constants: Vec<_> = set.iter().map(|(name, value)| (&name[..], *value)).collect();
+        let told = |e: String| format!("{name} with {set:?}: {e}");
+        let (module, info) = match checked.entry(prune(text, &constants)) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let module = check(name, new.key()).map_err(told)?;
+                new.insert(module)
+            }
+        };
+        let chosen = set.iter().cloned().collect();
+        for entry in &module.entry_points {
             process_overrides(module, info, Some((entry.stage, &entry.name)), &chosen)
-                .map_err(|e| format!("{name} {} with {set:?}: {e:?}", entry.name))?;
+                .map_err(|e| told(format!("{} {e:?}", entry.name)))?;
         }
     }
     Ok(sets.len() * module.entry_points.len())

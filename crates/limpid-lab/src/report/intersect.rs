@@ -204,9 +204,9 @@ impl Bench {
         constants.push(("TO_SOLIDS", f64::from(u8::from(target == Target::Solids))));
         let pipeline = pipelines.entry(format!("{root} {constants:?}")).or_insert_with(|| {
             let intersector = gpu::shader::Words { mips: true, ..gpu::shader::Words::of(root) };
-            let module = gpu.module_of(SHADERS, "report/intersect.wgsl", intersector);
             let layouts = [&self.camera.layout, &self.inputs, &self.scene.layout, &self.outputs];
-            gpu.module_pipeline(root, &module, "intersect_pixels", &layouts, &constants)
+            let file = "report/intersect.wgsl";
+            gpu.pipeline_of(SHADERS, file, intersector, "intersect_pixels", &layouts, &constants)
         });
         let params = Params::new(&scene, &settings, 0.0);
         let params = gpu.buffer_with("refract", gpu::UNIFORM, &[params]);

@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::shaders::SHADERS;
+use limpid::gpu::shader::Words;
 use limpid::gpu::{self, Gpu, Timer};
 use limpid_io::error::Result;
 
@@ -96,8 +97,7 @@ impl Kernel {
         resources: &[wgpu::BindingResource<'_>],
     ) -> Self {
         let layout = gpu.layout(file, wgpu::ShaderStages::COMPUTE, bindings);
-        let module = gpu.module_of(SHADERS, file, gpu::shader::Words::default());
-        let pipeline = gpu.module_pipeline(file, &module, entry, &[&layout], &[]);
+        let pipeline = gpu.pipeline_of(SHADERS, file, Words::default(), entry, &[&layout], &[]);
         Self { pipeline, group: gpu.bind_group(file, &layout, resources) }
     }
 

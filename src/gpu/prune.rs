@@ -1,0 +1,288 @@
+//! Branches that a pipeline's constants rule out are removed from its shader's text.
+//!
+//! Drivers inline a function wherever it is called before they look at conditions, so they would compile everything that a
+//! scene lacks: two thirds of the time to make the pipelines of refraction on Mesa's lavapipe.
+
+use std::collections::HashMap;
+
+/// Values of constants by their names; of a switch, 0 or 1.
+type Values = HashMap<String, f64>;
+
+/// The text of a shader without comments and without the branches that `constants`, and the default values of the others,
+/// rule out. Conditions are decided by constants alone, with `!`, `&&`, `||`, comparisons and parentheses; others are kept.
+pub fn prune(source: &str, constants: &[(&str, f64)]) -> String {
+    let lines = source.lines().map(|line| line.split("//").next().unwrap_or_default().trim_end());
+    let mut text = lines.collect::<Vec<_>>().join("\n");
+    let mut values = declared(&text);
+    values.extend(constants.iter().map(|&(name, value)| (name.to_owned(), value)));
+    let mut at = 0;
+    while let Some(start) = next_if(&text, at) {
+        at = start + 2;
+        let Some(body) = text[start..].find('{').map(|brace| start + brace) else { break };
+        match decide(&text[at..body], &values) {
+            // What stands there then may be another condition.
+            Some(true) => at = keep_body(&mut text, start, body),
+            Some(false) => at = drop_body(&mut text, start, body),
+            None => {}
+        }
+    }
+    text
+}
+
+/// The constants that the text declares with a plain value.
+fn declared(text: &str) -> Values {
+    let constant = |line: &str| {
+        let declaration = line.strip_prefix("override ").or_else(|| line.strip_prefix("const "))?;
+        let (left, right) = declaration.split_once('=')?;
+        let name = left.split(':').next()?.trim();
+        Some((name.to_owned(), number(right.trim().trim_end_matches(';'))?))
+    };
+    text.lines().filter_map(constant).collect()
+}
+
+fn number(word: &str) -> Option<f64> {
+    match word {
+        "true" => Some(1.0),
+        "false" => Some(0.0),
+        _ if word.starts_with(|c: char| c == '-' || c.is_ascii_digit()) => {
+            word.trim_end_matches(['u', 'i', 'f']).parse().ok()
+        }
+        _ => None,
+    }
+}
+
+/// The place of the next `if` at or after `from`.
+fn next_if(text: &str, from: usize) -> Option<usize> {
+    let is_word = |c: char| c == '_' || c.is_ascii_alphanumeric();
+    let begins = |&(place, _): &(usize, &str)| {
+        !text[..place].ends_with(is_word) && !text[place + 2..].starts_with(is_word)
+    };
+    let found = text[from..].match_indices("if").map(|(place, word)| (from + place, word));
+    found.into_iter().find(begins).map(|(place, _)| place)
+}
+
+/// The value of a condition, if constants decide it.
+fn decide(condition: &str, values: &Values) -> Option<bool> {
+    let condition = condition.trim();
+    for (operator, decisive) in [("||", true), ("&&", false)] {
+        let parts = split(condition, operator);
+        if parts.len() > 1 {
+            let parts: Vec<_> = parts.into_iter().map(|part| decide(part, values)).collect();
+            let decided = parts.contains(&Some(decisive));
+            return match decided {
+                true => Some(decisive),
+                false => parts.iter().all(Option::is_some).then_some(!decisive),
+            };
+        }
+    }
+    if condition.starts_with('(') && end_of_group(condition, 0) == condition.len() {
+        return decide(&condition[1..condition.len() - 1], values);
+    }
+    if let Some(rest) = condition.strip_prefix('!') {
+        return decide(rest, values).map(|holds| !holds);
+    }
+    let value = |word: &str| number(word.trim()).or_else(|| values.get(word.trim()).copied());
+    let compare: [(&str, fn(&f64, &f64) -> bool); 6] = [
+        ("==", f64::eq),
+        ("!=", f64::ne),
+        ("<=", f64::le),
+        (">=", f64::ge),
+        ("<", f64::lt),
+        (">", f64::gt),
+    ];
+    for (operator, holds) in compare {
+        if let Some((left, right)) = condition.split_once(operator) {
+            return Some(holds(&value(left)?, &value(right)?));
+        }
+    }
+    value(condition).map(|value| value != 0.0)
+}
+
+/// The parts of a condition between operators that no parentheses enclose.
+fn split<'a>(condition: &'a str, operator: &str) -> Vec<&'a str> {
+    let mut parts = Vec::new();
+    let mut begin = 0;
+    let mut depth = 0;
+    for (place, c) in condition.char_indices() {
+        match c {
+            '(' | '[' => depth += 1,
+            ')' | ']' => depth -= 1,
+            _ if depth == 0 && condition[place..].starts_with(operator) => {
+                parts.push(&condition[begin..place]);
+                begin = place + operator.len();
+            }
+            _ => {}
+        }
+    }
+    parts.push(&condition[begin..]);
+    parts
+}
+
+/// The end of the group that the bracket at `start` opens.
+fn end_of_group(text: &str, start: usize) -> usize {
+    let mut depth = 0;
+    for (place, c) in text[start..].char_indices() {
+        match c {
+            '(' | '{' => depth += 1,
+            ')' | '}' => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 {
+            return start + place + 1;
+        }
+    }
+    text.len()
+}
+
+const ELSE: &str = " else ";
+
+/// Whether the statement at `start` is the other branch of a condition.
+fn is_else(text: &str, start: usize) -> bool {
+    text[..start].ends_with(ELSE)
+}
+
+/// Replaces the condition at `start`, which holds, by its `body`, and returns the place of that.
+fn keep_body(text: &mut String, start: usize, body: usize) -> usize {
+    let first = end_of_group(text, body);
+    // All other branches.
+    let mut end = first;
+    while text[end..].starts_with(ELSE) {
+        let brace = text[end..].find('{').map_or(text.len(), |brace| end + brace);
+        end = end_of_group(text, brace);
+    }
+    text.replace_range(first..end, "");
+    text.replace_range(start..body, "");
+    end_after(text, start);
+    start
+}
+
+/// Removes the condition at `start`, which does not hold, with its `body`, and returns the place of what follows.
+fn drop_body(text: &mut String, start: usize, body: usize) -> usize {
+    let end = end_of_group(text, body);
+    if text[end..].starts_with(ELSE) {
+        text.replace_range(start..end + ELSE.len(), "");
+        if text[start..].starts_with('{') {
+            end_after(text, start);
+        }
+        start
+    } else {
+        let start = start - if is_else(text, start) { ELSE.len() } else { 0 };
+        text.replace_range(start..end, "");
+        start
+    }
+}
+
+/// Removes the statements after the block at `start` if it leaves the block around it: WGSL allows none there.
+fn end_after(text: &mut String, start: usize) {
+    if is_else(text, start) {
+        return;
+    }
+    let end = end_of_group(text, start);
+    let inner = text[start + 1..end - 1].trim_end();
+    let last = inner.strip_suffix(';').map(|inner| {
+        let begin = inner.rfind([';', '{', '}']).map_or(0, |place| place + 1);
+        inner[begin..].trim_start()
+    });
+    let leaves =
+        |word: &str| last.is_some_and(|last| last == word || last.starts_with(&format!("{word} ")));
+    if ["return", "break", "continue"].into_iter().any(leaves) {
+        let mut close = end;
+        while !text[close..].starts_with('}') && close < text.len() {
+            close = match text[close..].find(['{', '}']) {
+                Some(next) if text[close + next..].starts_with('{') => {
+                    end_of_group(text, close + next)
+                }
+                Some(next) => close + next,
+                None => text.len(),
+            };
+        }
+        text.replace_range(end..close, "");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::prune;
+
+    const DECLARED: &str =
+        "override HOST: bool = false;\noverride GAPS: u32 = 2u;\nconst SKY: u32 = 3u;\n";
+
+    /// Prunes a body, and returns it in one line.
+    fn pruned(body: &str, constants: &[(&str, f64)]) -> String {
+        let text = prune(&format!("{DECLARED}{body}"), constants);
+        let rest = text.strip_prefix(DECLARED).expect("declarations are kept");
+        rest.split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+
+    /// Constants and their defaults decide conditions; a condition on anything else stays as it is.
+    #[test]
+    fn constants_decide_conditions() {
+        for (condition, expected) in [
+            ("HOST", Some(false)),
+            ("!HOST", Some(true)),
+            ("HOST && x > 0.0", Some(false)),
+            ("HOST || x > 0.0", None),
+            ("!HOST || x > 0.0", Some(true)),
+            ("!HOST && x > 0.0", None),
+            ("GAPS == 2u", Some(true)),
+            ("GAPS != 2u || (HOST && f(x, y))", Some(false)),
+            ("GAPS < SKY", Some(true)),
+            ("GAPS >= SKY && all(x > vec2f(0.0))", Some(false)),
+            ("(HOST || GAPS > 1u) && !(GAPS <= 1u)", Some(true)),
+            ("all(x == vec2f(GAPS))", None),
+            ("x[GAPS] == 2u", None),
+            ("UNKNOWN", None),
+        ] {
+            let body = format!("if {condition} {{ a(); }}");
+            let expected = match expected {
+                Some(true) => "{ a(); }",
+                Some(false) => "",
+                None => &body,
+            };
+            assert_eq!(pruned(&body, &[]), expected, "{condition}");
+        }
+        assert_eq!(pruned("if HOST { a(); }", &[("HOST", 1.0)]), "{ a(); }", "over its default");
+    }
+
+    /// Other branches take the place of one that is ruled out, and go where one is certain.
+    #[test]
+    fn other_branches_follow() {
+        let chain = "if x { a(); } else if HOST { b(); } else { c(); }";
+        assert_eq!(pruned(chain, &[]), "if x { a(); } else { c(); }");
+        assert_eq!(pruned(chain, &[("HOST", 1.0)]), "if x { a(); } else { b(); }");
+        let last = "if x { a(); } else if HOST { b(); } d();";
+        assert_eq!(pruned(last, &[]), "if x { a(); } d();");
+        let first = "if HOST { a(); } else if x { b(); } else { c(); }";
+        assert_eq!(pruned(first, &[]), "if x { b(); } else { c(); }");
+        assert_eq!(pruned(first, &[("HOST", 1.0)]), "{ a(); }");
+        let nested = "if !HOST { if HOST { a(); } else { b(); } c(); }";
+        assert_eq!(pruned(nested, &[]), "{ { b(); } c(); }");
+    }
+
+    /// Nothing stands behind a block that returns, up to the end of the block around it.
+    #[test]
+    fn nothing_follows_a_return() {
+        let body = "fn f() { if !HOST { return g(1); } if x { a(); } return h(); } fn k() {}";
+        assert_eq!(pruned(body, &[]), "fn f() { { return g(1); }} fn k() {}");
+        assert_eq!(
+            pruned(body, &[("HOST", 1.0)]),
+            "fn f() { if x { a(); } return h(); } fn k() {}"
+        );
+        let one = "fn f() { if HOST { a(); } else { return; } b(); }";
+        assert_eq!(pruned(one, &[]), "fn f() { { return; }}");
+        let only = "fn f() { if x { a(); } else if !HOST { return; } b(); }";
+        assert_eq!(pruned(only, &[]), "fn f() { if x { a(); } else { return; } b(); }");
+        assert_eq!(
+            pruned("for (;;) { if !HOST { break; } a(); } b();", &[]),
+            "for (;;) { { break; }} b();"
+        );
+        assert_eq!(pruned("if !HOST { returned = 1; } a();", &[]), "{ returned = 1; } a();");
+    }
+
+    /// Comments and names that contain a keyword are no conditions.
+    #[test]
+    fn comments_and_names_are_no_conditions() {
+        assert_eq!(pruned("a(); // if HOST { b(); }\nc();", &[]), "a(); c();");
+        assert_eq!(pruned("let elif = diff; if HOST { a(); }", &[]), "let elif = diff;");
+    }
+}
