@@ -82,18 +82,20 @@ fn decide(condition: &str, values: &Values) -> Option<bool> {
         return decide(rest, values).map(|holds| !holds);
     }
     let value = |word: &str| number(word.trim()).or_else(|| values.get(word.trim()).copied());
-    let compare: [(&str, fn(&f64, &f64) -> bool); 6] = [
-        ("==", f64::eq),
-        ("!=", f64::ne),
-        ("<=", f64::le),
-        (">=", f64::ge),
-        ("<", f64::lt),
-        (">", f64::gt),
-    ];
-    for (operator, holds) in compare {
-        if let Some((left, right)) = condition.split_once(operator) {
-            return Some(holds(&value(left)?, &value(right)?));
-        }
+    let operators = ["==", "!=", "<=", ">=", "<", ">"];
+    let found = operators
+        .into_iter()
+        .find_map(|operator| Some((operator, condition.split_once(operator)?)));
+    if let Some((operator, (left, right))) = found {
+        let order = value(left)?.partial_cmp(&value(right)?)?;
+        return Some(match operator {
+            "==" => order.is_eq(),
+            "!=" => order.is_ne(),
+            "<=" => order.is_le(),
+            ">=" => order.is_ge(),
+            "<" => order.is_lt(),
+            _ => order.is_gt(),
+        });
     }
     value(condition).map(|value| value != 0.0)
 }

@@ -12,7 +12,7 @@ use std::path::Path;
 use limpid::gpu::shader::{RENDERER, Words};
 use limpid_lab::report::shaders::SHADERS;
 
-use self::wgsl::{check, specialise};
+use self::wgsl::specialise;
 
 /// Every loop: file, function, header and the bound on its iterations.
 const LOOPS: [library::KnownLoop; 1] =
@@ -49,7 +49,6 @@ fn benchmark_is_valid_with_every_intersector() {
     assert!(roots.len() >= 7, "{roots:?}");
     for root in roots.into_iter().chain(&["report/nothing.wgsl"]) {
         let text = SHADERS.source("report/intersect.wgsl", Words::of(root));
-        let (module, info) = check(root, &text).unwrap_or_else(|problem| panic!("{problem}"));
-        specialise(root, &module, &info).unwrap_or_else(|problem| panic!("{problem}"));
+        specialise(root, &text).unwrap_or_else(|problem| panic!("{problem}"));
     }
 }
