@@ -100,7 +100,7 @@ impl Diffuse {
         self.positions.is_empty()
     }
 
-    /// The numbers of particles of each kind.
+    /// The number of particles of each kind.
     pub fn counts(&self) -> [usize; DiffuseKind::ALL.len()] {
         DiffuseKind::ALL.map(|kind| self.kinds.iter().filter(|&&own| own == kind).count())
     }

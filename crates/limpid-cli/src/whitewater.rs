@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use limpid::diffuse::DiffuseKind;
 use limpid::glam::Vec3;
 use limpid::liquid::Up;
 use limpid::scene::Scene;
@@ -12,6 +11,7 @@ use limpid_io::adjustments::Adjustments;
 use limpid_io::claim::Claims;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{Loader, Missing};
+use limpid_io::notice::diffuse_counts;
 use limpid_io::open::Request;
 use limpid_io::whitewater::{Choices, Files, Making};
 
@@ -112,11 +112,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     if let Some(code) = made.interrupted {
         return Ok(code);
     }
-    let names = DiffuseKind::ALL.map(DiffuseKind::name);
     let counts = made.last.map(|counts| {
-        let each = names.iter().zip(counts).filter(|(_, count)| *count > 0);
-        let each: Vec<String> = each.map(|(name, count)| format!("{count} {name}")).collect();
-        let each = if each.is_empty() { "nothing".into() } else { each.join(", ") };
+        let each = diffuse_counts(counts).unwrap_or_else(|| "nothing".into());
         format!(": {each} in the last frame")
     });
     let text = format!("{}{}", files.pattern().display(), counts.unwrap_or_default());

@@ -13,11 +13,20 @@ use crate::input::{Loaded, Loader, Missing, RadiusFrom};
 use crate::particles::Remark;
 use crate::sequence::Sequence;
 use limpid::camera::{Camera, View};
+use limpid::diffuse::DiffuseKind;
 use limpid::liquid::classify::{self, Splat};
 use limpid::liquid::{Particles, Up};
 use limpid::scene::Scene;
 
 pub use crate::number::{brief, thousands};
+
+/// The numbers of foam, spray, bubbles and dust, by kind: `1,204 foam, 33 bubbles`. `None` if there are none.
+pub fn diffuse_counts(counts: [usize; DiffuseKind::ALL.len()]) -> Option<String> {
+    let kinds = DiffuseKind::ALL.into_iter().zip(counts).filter(|(_, count)| *count > 0);
+    let each: Vec<_> =
+        kinds.map(|(kind, count)| format!("{} {}", thousands(count), kind.name())).collect();
+    (!each.is_empty()).then(|| each.join(", "))
+}
 
 /// A notice. Its text is one line, without a remedy in terms of a program's options.
 #[derive(Debug, Clone, PartialEq)]

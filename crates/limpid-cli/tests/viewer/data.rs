@@ -45,6 +45,18 @@ fn data_are_told_and_corrected() {
     wait(&mut harness, "its origin", |harness| harness.query_by_label("given").is_some());
 }
 
+/// The panel tells how much whitewater lies beside the liquid.
+#[test]
+fn whitewater_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let water = folder.path().join("water_1.bgeo");
+    std::fs::copy(format!("{DATA}ParticleData_Fluid_20.bgeo"), &water).expect("it is copied");
+    let foam = folder.path().join("water_foam_1.csv");
+    std::fs::write(foam, "x,y,z\n0,1,0\n0.1,1,0\n").expect("it is written");
+    let mut harness = harness(Source::new(water.display().to_string()), [1000.0, 900.0]);
+    wait(&mut harness, "its number", |harness| harness.query_by_label("2 foam").is_some());
+}
+
 /// A file from a simulation that names its values is no guess, and a single file needs no number in the command line.
 #[test]
 fn single_files_need_no_frame() {

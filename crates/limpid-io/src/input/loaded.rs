@@ -77,6 +77,8 @@ pub struct Loaded {
     pub splats: Splats,
     /// Foam, spray, bubbles and dust, if there are any.
     pub diffuse: Option<Arc<Diffuse>>,
+    /// The number of these of each kind: [`Diffuse::counts`].
+    pub diffuse_counts: [usize; 4],
     /// Number of splashes among them.
     pub splashes: usize,
     /// Origin of the radius; with several fluids, the least reliable.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use limpid::diffuse::Diffuse;
 use limpid::glam::Vec3;
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::colors::Colors;
@@ -286,6 +287,7 @@ impl Loader {
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
+            diffuse_counts: diffuse.as_ref().map(Diffuse::counts).unwrap_or_default(),
             diffuse: diffuse.map(Arc::new),
             remarks: [moved.remarks(), &on_diffuse].concat(),
             bulk,

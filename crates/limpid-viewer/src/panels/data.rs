@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use limpid::liquid::Up;
 use limpid::scene::Scene;
 use limpid_io::input::Loaded;
-use limpid_io::notice::thousands;
+use limpid_io::notice::{diffuse_counts, thousands};
 use limpid_io::particles::Selection;
 
 use crate::model::clip::{AXES, Clip};
@@ -48,6 +48,9 @@ impl DataRows<'_> {
         }
         if let Some(loaded) = loaded {
             text_row(ui, "Particles", &thousands(loaded.particles));
+            if let Some(counts) = diffuse_counts(loaded.diffuse_counts) {
+                text_row(ui, "Whitewater", &counts);
+            }
             fields_rows(ui, loaded);
             text_row(ui, "Extents", &extents(loaded, document.reading.up));
         }

@@ -226,6 +226,7 @@ pub(super) struct LoadedText {
     number: i64,
     particles: usize,
     splashes: usize,
+    diffuse_counts: [usize; 4],
     radius: f32,
     radius_from: RadiusFrom,
     arrays: Vec<particles::Array>,
@@ -241,7 +242,16 @@ const SKETCHED: usize = 4000;
 impl LoadedText {
     /// A frame, with a sketch of its particles if it is the first.
     pub(super) fn of(frame: u64, loaded: &Loaded, is_first: bool) -> Self {
-        let &Loaded { number, particles, splashes, radius_from, bulk, ref splats, .. } = loaded;
+        let &Loaded {
+            number,
+            particles,
+            splashes,
+            diffuse_counts,
+            radius_from,
+            bulk,
+            ref splats,
+            ..
+        } = loaded;
         let count = splats.aggregates.len() + splats.splashes.len();
         let larger = enlarged(count, SKETCHED);
         let bodies = splats.aggregates.len();
@@ -258,6 +268,7 @@ impl LoadedText {
             number,
             particles,
             splashes,
+            diffuse_counts,
             radius,
             radius_from,
             arrays,
@@ -268,8 +279,7 @@ impl LoadedText {
     }
 
     pub(super) fn outline(&self) -> Loaded {
-        let &Self { number, particles, splashes, radius, radius_from, bulk, origin, .. } = self;
-        let arrays = self.arrays.clone();
+        let &Self { number, particles, splashes, radius, bulk, origin, .. } = self;
         let splat = |&[x, y, z, radius]: &[f32; 4]| Splat {
             centre: [x, y, z],
             radius,
@@ -281,7 +291,12 @@ impl LoadedText {
         let aggregates = self.sketch.iter().map(splat).collect();
         let splats = Splats { radius, aggregates, origin, ..Splats::default() };
         let frame = Loaded { number, particles, splashes, splats, bulk, ..Loaded::default() };
-        Loaded { radius_from, arrays, ..frame }
+        Loaded {
+            radius_from: self.radius_from,
+            diffuse_counts: self.diffuse_counts,
+            arrays: self.arrays.clone(),
+            ..frame
+        }
     }
 }
 
