@@ -19,7 +19,7 @@ pub(super) const SCENE: &str = "scene.toml";
 /// The file with the names of a folder's files, for servers that list none.
 const LIST: &str = "files.txt";
 
-/// Puts a scene into a site, with these frames of its particles and the files of its solids.
+/// Puts a scene into a site, with these frames of its particles and its whitewater, and the files of its solids.
 ///
 /// # Errors
 /// As [`Project::to_files`], [`Sequence::open`] and [`Site::copy`]; [`Error::Usage`] for what a site cannot have.
@@ -44,6 +44,15 @@ pub(super) fn add(site: &mut Site, project: &Project, numbers: &[i64]) -> Result
         if let Some(source) = particles.get_mut("source") {
             let copied = copy_sequence(site, &path_of(source), &folder, Some(&numbers))?;
             *source = copied.into();
+        }
+    }
+    if let Some(toml::Value::Array(all)) = scene.get_mut("diffuse") {
+        for (i, mut table) in std::mem::take(all).into_iter().enumerate() {
+            let source = table.get_mut("source").expect("a table of whitewater has a source");
+            if let Some(copied) = copy_whitewater(site, &path_of(source), i + 1, &numbers)? {
+                *source = copied.into();
+                all.push(table);
+            }
         }
     }
     let mut known: BTreeMap<PathBuf, String> = BTreeMap::new();
@@ -101,6 +110,27 @@ fn copy_file(site: &mut Site, path: &Path, number: usize) -> Result<String> {
     let name = format!("solids/{number}.{extension}");
     site.copy(path, &name)?;
     Ok(name)
+}
+
+/// Copies the files of whitewater with these numbers, or one file, which belongs to the frame that the scene selects; returns
+/// their name for the scene. `None` if there is none of these frames.
+fn copy_whitewater(
+    site: &mut Site,
+    path: &Path,
+    number: usize,
+    numbers: &BTreeSet<i64>,
+) -> Result<Option<String>> {
+    let name = format!("whitewater-{number}");
+    if path.is_file() {
+        let name = format!("{name}{}", ending(path)?);
+        site.copy(path, &name)?;
+        return Ok(Some(name));
+    }
+    let frames = Sequence::open(path)?.frames;
+    if !frames.iter().any(|frame| numbers.contains(&frame.number)) {
+        return Ok(None);
+    }
+    copy_sequence(site, path, &name, Some(numbers)).map(Some)
 }
 
 /// Copies the frames of a sequence with these numbers, or all, into a folder with a list of them; returns its pattern

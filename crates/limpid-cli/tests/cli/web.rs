@@ -79,6 +79,35 @@ fn a_site_has_page_frames_list_and_scene() {
     assert_eq!(scene(folder)["camera"]["fov_y"].as_float(), Some(50.0));
 }
 
+/// Foam beside the frames, or named by the scene, comes with them.
+#[test]
+fn whitewater_comes_with_its_frames() {
+    let folder = with_page();
+    let folder = folder.path();
+    let foam = |frame: i32| folder.join(format!("water/block_foam_{frame}.xyz"));
+    for frame in 1..=3 {
+        fs::copy(folder.join("water/block_2.xyz"), foam(frame)).unwrap();
+    }
+    let source = || scene(folder)["diffuse"][0]["source"].as_str().map(str::to_owned);
+    write(folder, &["water", "--frames=2-3"]);
+    let files = ["frame_0002.xyz", "frame_0003.xyz", "files.txt"];
+    assert_names(&folder.join("site/whitewater-1"), &files);
+    assert_eq!(source().as_deref(), Some("whitewater-1/frame_{}.xyz"));
+    // One file for all frames, by a scene.
+    fs::copy(foam(1), folder.join("scenes/still.xyz")).unwrap();
+    let still = "[[diffuse]]\nsource = \"still.xyz\"\nkinds = [\"spray\"]\n";
+    fs::write(folder.join("scenes/still.toml"), still).unwrap();
+    write(folder, &["water", "--scene=scenes/still.toml"]);
+    assert_eq!(source().as_deref(), Some("whitewater-1.xyz"));
+    assert!(folder.join("site/whitewater-1.xyz").is_file());
+    // Frames that have none.
+    fs::remove_file(foam(1)).unwrap();
+    write(folder, &["water", "--frames=1"]);
+    assert!(
+        scene(folder).get("diffuse").is_none_or(|all| all.as_array().is_some_and(Vec::is_empty))
+    );
+}
+
 /// Meshes and textures of a scene come with it.
 #[test]
 fn solids_come_with_their_files() {

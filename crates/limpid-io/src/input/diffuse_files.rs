@@ -53,6 +53,16 @@ impl DiffuseFiles {
         Ok(Self { kinds, color, radius, single, ..Self::new(sequence, Some(0), kind) })
     }
 
+    /// The table of a scene that reads them.
+    fn table(&self) -> DiffuseSource {
+        // A kind that a file's name tells.
+        let named = Some(self.kind).filter(|&kind| kind != DiffuseKind::default());
+        let kinds =
+            if self.kinds.is_empty() { named.into_iter().collect() } else { self.kinds.clone() };
+        let source = self.files.sequence.pattern.clone().into();
+        DiffuseSource { source, color: self.color, kinds, radius: self.radius }
+    }
+
     /// The number of the file that belongs to a frame of the liquid, whose scene selects `selected`.
     pub(super) fn number(&self, frame: i64, selected: Option<i64>) -> Option<i64> {
         let sequence = &self.files.sequence;
@@ -105,6 +115,16 @@ impl DiffuseFiles {
             }
         }
         Ok(diffuse)
+    }
+}
+
+impl Source {
+    /// The table of a scene that reads these files. `None` for particles of the caller.
+    pub(super) fn table(&self) -> Option<DiffuseSource> {
+        match self {
+            Self::Files(files) => Some(files.table()),
+            Self::Given(_) => None,
+        }
     }
 }
 
