@@ -73,8 +73,10 @@ fn pipelines_are_compiled_once_when_needed() {
 
     draw(&mut offscreen, &plain, true);
     let splashes = compiled(&gpu);
-    assert_eq!(splashes[..2], first[..2], "splashes are splatted by other pipelines");
     assert!(splashes[2] > first[2], "refraction by splashes has no variant of its own");
+    // Branches that a pipeline's constants rule out are not in its module.
+    let [modules, rasterisers, pipelines] = [0, 1, 2].map(|i| splashes[i] - first[i]);
+    assert!(rasterisers == 0 && modules <= pipelines, "{first:?}, then {splashes:?}");
 
     draw(&mut offscreen, &scene(Solver::March), true);
     let march = compiled(&gpu);
