@@ -12,10 +12,8 @@ use super::shader::{self, Library, Words};
 /// The modules, layouts and pipelines of a device. A place is empty while one is made.
 #[derive(Debug, Default)]
 pub(super) struct Compiled {
-    /// By root, words and constants.
-    modules: Mutex<HashMap<(String, Words, Constants), Place<wgpu::ShaderModule>>>,
     /// By text, which does not depend on all constants.
-    texts: Mutex<HashMap<String, Place<wgpu::ShaderModule>>>,
+    modules: Mutex<HashMap<String, Place<wgpu::ShaderModule>>>,
     /// By stages and bindings.
     layouts: Mutex<HashMap<(wgpu::ShaderStages, Vec<wgpu::BindingType>), wgpu::BindGroupLayout>>,
     pipelines: Mutex<HashMap<Kernel, Place<wgpu::ComputePipeline>>>,
@@ -23,21 +21,33 @@ pub(super) struct Compiled {
 
 type Place<T> = Arc<OnceLock<T>>;
 
-/// Names of constants, with the bits of their values.
-type Constants = Vec<(String, u64)>;
-
-fn bits(constants: &[(&str, f64)]) -> Constants {
-    constants.iter().map(|&(name, value)| (name.to_owned(), value.to_bits())).collect()
-}
-
-/// An entry point of a shader's module, its layouts, and its constants.
+/// An entry point of a shader for such words, its layouts, and its constants with the bits of their values.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) struct Kernel {
     shader: String,
-    module: wgpu::ShaderModule,
+    words: Words,
     entry_point: String,
     layouts: Vec<wgpu::BindGroupLayout>,
-    constants: Constants,
+    constants: Vec<(String, u64)>,
+}
+
+impl Kernel {
+    fn new(
+        shader: &str,
+        words: Words,
+        entry_point: &str,
+        layouts: &[&wgpu::BindGroupLayout],
+        constants: &[(&str, f64)],
+    ) -> Self {
+        let bits = |&(name, value): &(&str, f64)| (name.to_owned(), value.to_bits());
+        Self {
+            shader: shader.to_owned(),
+            words,
+            entry_point: entry_point.to_owned(),
+            layouts: layouts.iter().copied().cloned().collect(),
+            constants: constants.iter().map(bits).collect(),
+        }
+    }
 }
 
 /// A panic while something was made leaves the map as it was.
@@ -66,14 +76,9 @@ impl Gpu {
                 source: wgpu::ShaderSource::Wgsl(text.into()),
             })
         };
-        let find = || {
-            let text = prune(&library.source(root, words), constants);
-            let place = locked(&self.compiled.texts).entry(text.clone()).or_default().clone();
-            place.get_or_init(|| create(&text)).clone()
-        };
-        let key = (root.to_owned(), words, bits(constants));
-        let place = locked(&self.compiled.modules).entry(key).or_default().clone();
-        place.get_or_init(find).clone()
+        let text = prune(&library.source(root, words), constants);
+        let place = locked(&self.compiled.modules).entry(text.clone()).or_default().clone();
+        place.get_or_init(|| create(&text)).clone()
     }
 
     /// The layout of bindings 0, 1, … visible to `stages`.
@@ -175,8 +180,8 @@ impl Gpu {
         layouts: &[&wgpu::BindGroupLayout],
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
-        let kernel = self.kernel_of(library, shader, words, entry_point, layouts, constants);
-        self.known(&kernel).unwrap_or_else(|| self.compile(&kernel))
+        let kernel = Kernel::new(shader, words, entry_point, layouts, constants);
+        self.known(&kernel).unwrap_or_else(|| self.compile(library, &kernel))
     }
 
     /// An entry point of a root for such words, specialised by `constants`.
@@ -188,25 +193,7 @@ impl Gpu {
         layouts: &[&wgpu::BindGroupLayout],
         constants: &[(&str, f64)],
     ) -> Kernel {
-        self.kernel_of(shader::RENDERER, shader, words, entry_point, layouts, constants)
-    }
-
-    fn kernel_of(
-        &self,
-        library: Library,
-        shader: &str,
-        words: Words,
-        entry_point: &str,
-        layouts: &[&wgpu::BindGroupLayout],
-        constants: &[(&str, f64)],
-    ) -> Kernel {
-        Kernel {
-            shader: shader.to_owned(),
-            module: self.module(library, shader, words, constants),
-            entry_point: entry_point.to_owned(),
-            layouts: layouts.iter().copied().cloned().collect(),
-            constants: bits(constants),
-        }
+        Kernel::new(shader, words, entry_point, layouts, constants)
     }
 
     /// The pipelines of entry points, in their order. New ones are compiled side by side.
@@ -219,8 +206,9 @@ impl Gpu {
         if known.iter().all(Option::is_some) {
             return known.map(|pipeline| pipeline.expect("all are known"));
         }
-        let make =
-            |(kernel, known): (Kernel, Option<_>)| known.unwrap_or_else(|| self.compile(&kernel));
+        let make = |(kernel, known): (Kernel, Option<_>)| {
+            known.unwrap_or_else(|| self.compile(shader::RENDERER, &kernel))
+        };
         let made: Vec<_> = kernels.into_par_iter().zip(known).map(make).collect();
         made.try_into().expect("one for each kernel")
     }
@@ -230,12 +218,12 @@ impl Gpu {
     }
 
     /// Compiles a pipeline. Threads that need the same one wait for it; others compile theirs meanwhile.
-    fn compile(&self, kernel: &Kernel) -> wgpu::ComputePipeline {
+    fn compile(&self, library: Library, kernel: &Kernel) -> wgpu::ComputePipeline {
         let place = locked(&self.compiled.pipelines).entry(kernel.clone()).or_default().clone();
-        place.get_or_init(|| self.new_pipeline(kernel)).clone()
+        place.get_or_init(|| self.new_pipeline(library, kernel)).clone()
     }
 
-    fn new_pipeline(&self, kernel: &Kernel) -> wgpu::ComputePipeline {
+    fn new_pipeline(&self, library: Library, kernel: &Kernel) -> wgpu::ComputePipeline {
         let layouts: Vec<_> = kernel.layouts.iter().map(Some).collect();
         let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(&kernel.shader),
@@ -248,7 +236,7 @@ impl Gpu {
         self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(&format!("{} {}", kernel.shader, kernel.entry_point)),
             layout: Some(&layout),
-            module: &kernel.module,
+            module: &self.module(library, &kernel.shader, kernel.words, &constants),
             entry_point: Some(&kernel.entry_point),
             compilation_options: wgpu::PipelineCompilationOptions {
                 constants: &constants,

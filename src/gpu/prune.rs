@@ -20,7 +20,7 @@ pub fn prune(source: &str, constants: &[(&str, f64)]) -> String {
         at = start + 2;
         let Some(body) = text[start..].find('{').map(|brace| start + brace) else { break };
         match decide(&text[at..body], &values) {
-            // What stands there then may be another condition.
+            // The next condition may begin at the same place.
             Some(true) => at = keep_body(&mut text, start, body),
             Some(false) => at = drop_body(&mut text, start, body),
             None => {}
