@@ -115,7 +115,6 @@ pub(crate) fn run(arguments: &[OsString]) -> anyhow::Result<u8> {
     if quiet {
         terminal::silence();
     }
-    signals::listen().map_err(limpid_io::Error::Threads)?;
     start_workers()?;
     match command {
         Command::Render(args) => render::run(&args),

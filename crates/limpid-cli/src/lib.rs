@@ -44,6 +44,10 @@ const STACK_BYTES: usize = 8 << 20;
 ///
 /// To be called once, from the first thread: window systems require their event loop there.
 pub fn run(arguments: Vec<OsString>) -> u8 {
+    // First of all, since parsing can exhaust the memory, too.
+    if let Err(error) = signals::listen() {
+        return report_failure(&limpid_io::Error::Threads(error).into());
+    }
     if arguments.get(1).is_some_and(|command| command == "view") {
         return run_here(&arguments);
     }

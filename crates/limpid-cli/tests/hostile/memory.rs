@@ -37,6 +37,10 @@ fn exhausted_memory_has_its_own_exit_code() {
     let particles = Particles::from_positions((0..200_000).map(position).collect());
     limpid_io::particles::write(&particles, &folder.path().join("a.xyz"))
         .expect("it can be written");
+    // From the least memory with which the program starts to enough for parsing its arguments.
+    for kib in (60_000..72_000).step_by(1000) {
+        limited(folder.path(), kib, &["info", "a.xyz"]);
+    }
     let mut random = Random(21);
     let mut run_between = |arguments: &[&str], low: usize, high: usize| {
         for _ in 0..4 {
