@@ -114,8 +114,9 @@ fn project_of(request: &Request, opened: &Opened, numbers: &[i64]) -> limpid_io:
         particles.fps = opened.loader.fps();
         particles.frame = particles.frame.filter(|frame| numbers.contains(frame));
     }
-    // Those beside the frames, too: servers list no folders.
-    let diffuse = Some(opened.loader.diffuse_sources()).filter(|sources| !sources.is_empty());
+    // Companions of the frames are named, since servers list no folders.
+    let whitewater = opened.loader.diffuse_sources(numbers)?;
+    let diffuse = Some(whitewater).filter(|sources| !sources.is_empty());
     let mut project = Project { source, diffuse, ..opened.project.clone() };
     let scene = request.scene.as_deref().or(scene_input);
     let has_camera = match scene {

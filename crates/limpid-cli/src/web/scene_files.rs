@@ -46,14 +46,9 @@ pub(super) fn add(site: &mut Site, project: &Project, numbers: &[i64]) -> Result
             *source = copied.into();
         }
     }
-    if let Some(toml::Value::Array(all)) = scene.get_mut("diffuse") {
-        for (i, mut table) in std::mem::take(all).into_iter().enumerate() {
-            let source = table.get_mut("source").expect("a table of whitewater has a source");
-            if let Some(copied) = copy_whitewater(site, &path_of(source), i + 1, &numbers)? {
-                *source = copied.into();
-                all.push(table);
-            }
-        }
+    for (i, table) in tables_of(&mut scene, &["diffuse"]).into_iter().enumerate() {
+        let source = table.get_mut("source").expect("a table of whitewater has a source");
+        *source = copy_whitewater(site, &path_of(source), i + 1, &numbers)?.into();
     }
     let mut known: BTreeMap<PathBuf, String> = BTreeMap::new();
     for solid in tables_of(&mut scene, &["solid", "background"]) {
@@ -113,24 +108,25 @@ fn copy_file(site: &mut Site, path: &Path, number: usize) -> Result<String> {
 }
 
 /// Copies the files of whitewater with these numbers, or one file, which belongs to the frame that the scene selects; returns
-/// their name for the scene. `None` if there is none of these frames.
+/// their name for the scene.
 fn copy_whitewater(
     site: &mut Site,
     path: &Path,
     number: usize,
     numbers: &BTreeSet<i64>,
-) -> Result<Option<String>> {
+) -> Result<String> {
     let name = format!("whitewater-{number}");
-    if path.is_file() {
-        let name = format!("{name}{}", ending(path)?);
-        site.copy(path, &name)?;
-        return Ok(Some(name));
+    match Sequence::open(path)?.frames.as_slice() {
+        [frame] if path.is_file() => {
+            let ending = ending(&frame.path)?;
+            let name = format!("{name}{ending}");
+            copy_frame(site, frame, &name, &ending)?;
+            Ok(name)
+        }
+        // All frames in one file.
+        [first, ..] if first.section.is_some() => copy_sequence(site, path, &name, None),
+        _ => copy_sequence(site, path, &name, Some(numbers)),
     }
-    let frames = Sequence::open(path)?.frames;
-    if !frames.iter().any(|frame| numbers.contains(&frame.number)) {
-        return Ok(None);
-    }
-    copy_sequence(site, path, &name, Some(numbers)).map(Some)
 }
 
 /// Copies the frames of a sequence with these numbers, or all, into a folder with a list of them; returns its pattern

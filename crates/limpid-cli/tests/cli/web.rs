@@ -100,12 +100,39 @@ fn whitewater_comes_with_its_frames() {
     write(folder, &["water", "--scene=scenes/still.toml"]);
     assert_eq!(source().as_deref(), Some("whitewater-1.xyz"));
     assert!(folder.join("site/whitewater-1.xyz").is_file());
-    // Frames that have none.
+    // It belongs to the scene's frame, which comes along or does not.
+    let particles = "[particles]\nsource = \"../water/block_{}.xyz\"\nframe = 2\n";
+    fs::write(folder.join("scenes/frame.toml"), format!("{particles}{still}")).unwrap();
+    write(folder, &["scenes/frame.toml", "--frames=2-3"]);
+    assert_eq!(source().as_deref(), Some("whitewater-1.xyz"));
+    assert_eq!(scene(folder)["particles"]["frame"].as_integer(), Some(2));
+    write(folder, &["scenes/frame.toml", "--frames=1"]);
+    assert!(scene(folder).get("diffuse").is_none());
+    // A list of files, numbered from 0.
+    let file = |frame: i32| {
+        format!("{{\"name\": \"../water/block_foam_{frame}.xyz\", \"time\": {frame}}}")
+    };
+    let list =
+        format!("{{\"file-series-version\": \"1.0\", \"files\": [{}, {}]}}", file(1), file(2));
+    fs::write(folder.join("scenes/foam.xyz.series"), list).unwrap();
+    let listed = "[[diffuse]]\nsource = \"foam.xyz.series\"\n";
+    fs::write(folder.join("scenes/listed.toml"), listed).unwrap();
+    write(folder, &["water", "--scene=scenes/listed.toml"]);
+    assert_names(&folder.join("site/whitewater-1"), &["frame_0001.xyz", "files.txt"]);
+    assert_contains(&succeed(folder, &["info", "site/scene.toml"]), &["3 frames"]);
+    // A single file beside the frames has the frame of its number, and its name tells the kind of particles without one.
     fs::remove_file(foam(1)).unwrap();
+    fs::remove_file(foam(2)).unwrap();
+    fs::rename(foam(3), folder.join("water/block_spray_3.xyz")).unwrap();
+    write(folder, &["water"]);
+    assert_eq!(source().as_deref(), Some("whitewater-1/frame_{}.xyz"));
+    assert_names(&folder.join("site/whitewater-1"), &["frame_0003.xyz", "files.txt"]);
+    let kinds = scene(folder)["diffuse"][0]["kinds"].clone();
+    let expected = ["spray", "foam", "bubbles", "dust"].map(toml::Value::from).to_vec();
+    assert_eq!(kinds, toml::Value::Array(expected));
+    // Frames that have none.
     write(folder, &["water", "--frames=1"]);
-    assert!(
-        scene(folder).get("diffuse").is_none_or(|all| all.as_array().is_some_and(Vec::is_empty))
-    );
+    assert!(scene(folder).get("diffuse").is_none());
 }
 
 /// Meshes and textures of a scene come with it.

@@ -9,6 +9,7 @@ use super::fluid::Origin;
 use super::loader::Loader;
 use crate::error::Result;
 use crate::particles::{ReadOptions, Remark};
+use crate::project::DiffuseSource;
 use crate::sequence::{FrameTime, Sequence};
 
 /// Radius of particles without one, in radii of the liquid's.
@@ -34,6 +35,16 @@ impl Loader {
     /// The patterns of the files with foam, spray, bubbles and dust.
     pub fn diffuse_patterns(&self) -> impl Iterator<Item = &str> {
         self.diffuse_files().map(|files| files.files.sequence.pattern.as_str())
+    }
+
+    /// The files of foam, spray, bubbles and dust that some of these frames have, for a scene file in the working directory.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage) for files whose axes or unit are not the first fluid's.
+    pub fn diffuse_sources(&self, frames: &[i64]) -> Result<Vec<DiffuseSource>> {
+        let has = |files: &DiffuseFiles, frame| files.number(frame, self.frame).is_some();
+        let of_frames = |files: &&DiffuseFiles| frames.iter().any(|&frame| has(files, frame));
+        self.diffuse_files().filter(of_frames).map(|files| files.table(&self.fluids)).collect()
     }
 
     fn diffuse_files(&self) -> impl Iterator<Item = &DiffuseFiles> {

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use limpid::diffuse::{Diffuse, DiffuseKind};
+use limpid::liquid::Up;
 
 use super::fluid::{Fluid, FluidSource};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files;
 use crate::particles::{AttributeMap, Remark, into_diffuse, reading_diffuse};
 use crate::project::DiffuseSource;
@@ -53,14 +54,26 @@ impl DiffuseFiles {
         Ok(Self { kinds, color, radius, single, ..Self::new(sequence, Some(0), kind) })
     }
 
-    /// The table of a scene that reads them.
-    fn table(&self) -> DiffuseSource {
-        // A kind that a file's name tells.
-        let named = Some(self.kind).filter(|&kind| kind != DiffuseKind::default());
-        let kinds =
-            if self.kinds.is_empty() { named.into_iter().collect() } else { self.kinds.clone() };
-        let source = self.files.sequence.pattern.clone().into();
-        DiffuseSource { source, color: self.color, kinds, radius: self.radius }
+    /// The table of a scene with these fluids that reads them.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if their axes or their unit are not the first fluid's.
+    pub(super) fn table(&self, fluids: &[Fluid]) -> Result<DiffuseSource> {
+        let pattern = &self.files.sequence.pattern;
+        let axes = |fluid: Option<&Fluid>| fluid.map_or((Up::Y, 1.0), |of| (of.up, of.scale));
+        if axes(self.beside.and_then(|fluid| fluids.get(fluid))) != axes(fluids.first()) {
+            let problem = format!(
+                "{pattern}: a scene reads whitewater with the axes and the unit of its first fluid; give all files the same"
+            );
+            return Err(Error::Usage(problem));
+        }
+        let mut kinds = self.kinds.clone();
+        if kinds.is_empty() && self.kind != DiffuseKind::default() {
+            // The first kind is that of particles without one.
+            kinds.push(self.kind);
+            kinds.extend(DiffuseKind::ALL.iter().filter(|&&kind| kind != self.kind));
+        }
+        Ok(DiffuseSource { source: pattern.into(), color: self.color, kinds, radius: self.radius })
     }
 
     /// The number of the file that belongs to a frame of the liquid, whose scene selects `selected`.
@@ -115,16 +128,6 @@ impl DiffuseFiles {
             }
         }
         Ok(diffuse)
-    }
-}
-
-impl Source {
-    /// The table of a scene that reads these files. `None` for particles of the caller.
-    pub(super) fn table(&self) -> Option<DiffuseSource> {
-        match self {
-            Self::Files(files) => Some(files.table()),
-            Self::Given(_) => None,
-        }
     }
 }
 

@@ -24,7 +24,7 @@ use crate::error::Error;
 use crate::error::Result;
 use crate::particles::Contents;
 use crate::particles::shown::is_named;
-use crate::project::{DiffuseSource, LiquidSource, Moved, ParticleSource, Project, SolidMotion};
+use crate::project::{LiquidSource, Moved, ParticleSource, Project, SolidMotion};
 use crate::sequence::{FrameTime, Missing, Sequence};
 use crate::shared_classifier::{Processor, SharedClassifier};
 use crate::spread::Spread;
@@ -454,11 +454,6 @@ impl Loader {
     pub fn radius(&self, at: impl Into<FrameTime>, particles: &Particles) -> Result<f32> {
         let default = self.fluids[0].radius_of(at.into().frame, particles)?;
         Ok(classify::median_radius(particles, default)?)
-    }
-
-    /// The files of its foam, spray, bubbles and dust, for a scene file in the working directory.
-    pub fn diffuse_sources(&self) -> Vec<DiffuseSource> {
-        self.diffuse.iter().filter_map(diffuse_files::Source::table).collect()
     }
 
     /// The source of its particles, for a scene file in the working directory.

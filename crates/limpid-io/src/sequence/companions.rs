@@ -55,7 +55,7 @@ pub(super) fn liquid_among(names: &[String]) -> Vec<String> {
     if liquid.is_empty() { names.to_vec() } else { liquid }
 }
 
-/// The foam, spray, bubbles and dust in files beside a frame of liquid, as patterns or single files, with the kinds that
+/// The foam, spray, bubbles and dust in files beside a frame of liquid, as patterns or files without a number, with the kinds that
 /// their names tell: those whose names have such a word, and otherwise the words of the liquid's, as `water_foam_{}` or
 /// `water_{}_foam` beside `water_{}`; or no others; or any, where the folder holds no other liquid. None, if the file is one
 /// of such particles itself.
@@ -69,7 +69,7 @@ pub(crate) fn companions_of(file: &Path) -> Vec<(PathBuf, DiffuseKind)> {
     let own = words(&own);
     let readable = || names.iter().filter(|name| readable_stem(name).is_some());
     let alone = readable().all(|name| told(name).is_some() || words(name) == own);
-    let mut found: BTreeMap<String, (DiffuseKind, Vec<&String>)> = BTreeMap::new();
+    let mut found = BTreeMap::new();
     for name in readable() {
         let Some((kind, others)) = told(name) else { continue };
         if alone || others == own || others.iter().all(|word| word == "#") {
@@ -77,13 +77,8 @@ pub(crate) fn companions_of(file: &Path) -> Vec<(PathBuf, DiffuseKind)> {
                 Some((before, _, after)) => format!("{before}{{}}{after}"),
                 None => name.clone(),
             };
-            found.entry(stem).or_insert((kind, Vec::new())).1.push(name);
+            found.entry(stem).or_insert(kind);
         }
     }
-    let companion = |(stem, (kind, names)): (String, (DiffuseKind, Vec<&String>))| match *names {
-        // It may hold several frames.
-        [name] => (folder.join(name), kind),
-        _ => (folder.join(stem), kind),
-    };
-    found.into_iter().map(companion).collect()
+    found.into_iter().map(|(stem, kind)| (folder.join(stem), kind)).collect()
 }
