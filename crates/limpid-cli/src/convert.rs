@@ -19,7 +19,11 @@ pub(crate) struct Args {
     input: PathBuf,
     /// Output file, whose extension selects the format; for several frames a name with a placeholder
     /// for the number (####, {}, %04d, $F4), or a folder for `frame_####.bgeo`.
-    output: PathBuf,
+    #[arg(required_unless_present = "named")]
+    output: Option<PathBuf>,
+    /// The output, as other commands name it.
+    #[arg(short = 'o', long = "output", value_name = "OUTPUT", conflicts_with = "output")]
+    named: Option<PathBuf>,
     /// Frames: 1-3,5, 7-20:2, all [default: all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
@@ -46,18 +50,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         false => (Sequence::open(&args.input)?, None),
     };
     let frames = args.frames.clone().unwrap_or_default().select(&sequence)?;
-    let slash = args.output.as_os_str().as_encoded_bytes().ends_with(b"/");
-    let folder = slash || args.output.is_dir();
-    let output = if folder { args.output.join("frame_####.bgeo") } else { args.output.clone() };
+    let output = args.output.as_ref().or(args.named.as_ref()).expect("one of them is required");
+    let slash = output.as_os_str().as_encoded_bytes().ends_with(b"/");
+    let is_folder = slash || output.is_dir();
+    let pattern = if is_folder { output.join("frame_####.bgeo") } else { output.clone() };
     let frame_count = frames.len();
-    let names = OutputNames::parse(&output, frame_count)?;
+    let names = OutputNames::parse(&pattern, frame_count)?;
     // Fails for an unknown format before anything is read.
-    particles::unsupported_attributes(&Particles::default(), &output)?;
-    if folder {
-        output::check_folder(&args.output)?;
-        let error =
-            |e| limpid_io::Error::Io { path: args.output.clone(), action: "create", source: e };
-        std::fs::create_dir_all(&args.output).map_err(error)?;
+    particles::unsupported_attributes(&Particles::default(), &pattern)?;
+    if is_folder {
+        output::check_folder(output)?;
+        let error = |e| limpid_io::Error::Io { path: output.clone(), action: "create", source: e };
+        std::fs::create_dir_all(output).map_err(error)?;
     }
     let skip = |frame: &&Frame| args.skip_existing && names.path(frame.number).exists();
     let todo: Vec<&Frame> = frames.into_iter().filter(|frame| !skip(frame)).collect();
@@ -120,7 +124,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     bar.finish_and_clear();
     remarks.iter().for_each(|remark| terminal::remark(remedy::of_remark(remark)));
     if !lost.is_empty() {
-        let (output, lost) = (output.display(), lost.join(", "));
+        let (output, lost) = (pattern.display(), lost.join(", "));
         terminal::remark(format!("{output}: this format has no room for {lost}"));
     }
     if !ignored.is_empty() {

@@ -65,6 +65,21 @@ fn read(folder: &Path, name: &str) -> Particles {
     limpid_io::particles::read(&folder.join(name)).unwrap()
 }
 
+/// The output is an argument, or `-o` as of other commands.
+#[test]
+fn the_output_may_be_named_as_elsewhere() {
+    let folder = sequence();
+    let folder = folder.path();
+    succeed(folder, &["water_8.vtk", "a.ply"]);
+    succeed(folder, &["water_8.vtk", "-o", "b.ply"]);
+    succeed(folder, &["--output=c.ply", "water_8.vtk"]);
+    let read = |name: &str| fs::read(folder.join(name)).unwrap();
+    assert!(read("a.ply") == read("b.ply") && read("a.ply") == read("c.ply"));
+    assert!(fail(folder, 2, &["water_8.vtk", "d.ply", "-o", "e.ply"]).contains("-o"));
+    assert!(fail(folder, 2, &["water_8.vtk"]).contains("OUTPUT"));
+    assert!(!folder.join("d.ply").exists() && !folder.join("e.ply").exists());
+}
+
 #[test]
 fn one_file() {
     let folder = sequence();
