@@ -28,7 +28,7 @@ fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
         (_, naga::TypeInner::Scalar(naga::Scalar::BOOL)) => &[0.0, 1.0],
         (Some("ENVIRONMENT"), _) => &[0.0, 1.0, 2.0, 3.0],
         (Some("SOLIDS"), _) => &[0.0, 1.0, 512.0],
-        // No more than the solids, of which there are none by default.
+        // Alone no more than the solids, of which there are none by default.
         (Some("MESHES"), _) => &[0.0],
         (Some("LIGHTS"), _) => &[0.0, 1.0, 16.0],
         (Some("SIDE"), _) => &[0.0, 1.0],
@@ -47,7 +47,7 @@ fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
     }
 }
 
-/// Sets of constants to specialise by: each value of each constant alone, then all constants at their
+/// Sets of constants to specialise by: each value of each constant alone, a mesh among solids, then all constants at their
 /// first and at their last value.
 fn specialisations(module: &naga::Module) -> Vec<Vec<(String, f64)>> {
     let constants: Vec<_> = module
@@ -63,7 +63,15 @@ fn specialisations(module: &naga::Module) -> Vec<Vec<(String, f64)>> {
         .flat_map(|(name, values)| values.iter().map(|&value| vec![(name.clone(), value)]));
     let first = constants.iter().map(|(name, values)| (name.clone(), values[0])).collect();
     let last = constants.iter().map(|(name, v)| (name.clone(), v[v.len() - 1])).collect();
-    alone.chain([first, last]).collect()
+    let has_meshes = constants.iter().any(|(name, _)| name == "MESHES");
+    let mesh = |others: &[f64]| {
+        let shapes =
+            ["HAS_PLANES", "HAS_BOXES", "HAS_SPHERES"].into_iter().zip(others.iter().copied());
+        let all = [("SOLIDS", 2.0), ("MESHES", 1.0)].into_iter().chain(shapes);
+        all.map(|(name, value)| (name.to_owned(), value)).collect()
+    };
+    let meshes = has_meshes.then(|| [mesh(&[1.0; 3]), mesh(&[0.0; 3])]);
+    alone.chain(meshes.into_iter().flatten()).chain([first, last]).collect()
 }
 
 /// Specialises every entry point with every set of constants, as devices do: without the branches that these rule out.
