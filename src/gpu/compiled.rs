@@ -9,19 +9,19 @@ use super::Gpu;
 use super::prune::prune;
 use super::shader::{self, Library, Words};
 
-/// The modules, layouts and pipelines of a device. A place is empty while one is made.
+/// The modules, layouts and pipelines of a device. An entry is empty while it is made.
 #[derive(Debug, Default)]
 pub(super) struct Compiled {
     /// By text, which does not depend on all constants.
-    modules: Mutex<HashMap<String, Place<wgpu::ShaderModule>>>,
+    modules: Mutex<HashMap<String, Entry<wgpu::ShaderModule>>>,
     /// By stages and bindings.
     layouts: Mutex<HashMap<(wgpu::ShaderStages, Vec<wgpu::BindingType>), wgpu::BindGroupLayout>>,
-    pipelines: Mutex<HashMap<Kernel, Place<wgpu::ComputePipeline>>>,
+    pipelines: Mutex<HashMap<Kernel, Entry<wgpu::ComputePipeline>>>,
 }
 
-type Place<T> = Arc<OnceLock<T>>;
+type Entry<T> = Arc<OnceLock<T>>;
 
-/// An entry point of a shader for such words, its layouts, and its constants with the bits of their values.
+/// An entry point of a shader with these words, its layouts, and its constants with the bits of their values.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) struct Kernel {
     shader: String,
@@ -32,7 +32,8 @@ pub(crate) struct Kernel {
 }
 
 impl Kernel {
-    fn new(
+    /// An entry point of a root with these words, specialised by `constants`.
+    pub(crate) fn new(
         shader: &str,
         words: Words,
         entry_point: &str,
@@ -56,7 +57,7 @@ fn locked<T>(map: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Gpu {
-    /// The shader module of a root of a library, for such words and for pipelines with these constants.
+    /// The shader module of a root of a library, with these words and for pipelines with these constants.
     pub(crate) fn module(
         &self,
         library: Library,
@@ -77,8 +78,8 @@ impl Gpu {
             })
         };
         let text = prune(&library.source(root, words), constants);
-        let place = locked(&self.compiled.modules).entry(text.clone()).or_default().clone();
-        place.get_or_init(|| create(&text)).clone()
+        let entry = locked(&self.compiled.modules).entry(text.clone()).or_default().clone();
+        entry.get_or_init(|| create(&text)).clone()
     }
 
     /// The layout of bindings 0, 1, … visible to `stages`.
@@ -169,7 +170,7 @@ impl Gpu {
         )
     }
 
-    /// As [`Gpu::compute_pipeline`], of a library and for such words.
+    /// As [`Gpu::compute_pipeline`], of a library and with these words.
     #[doc(hidden)]
     pub fn pipeline_of(
         &self,
@@ -182,18 +183,6 @@ impl Gpu {
     ) -> wgpu::ComputePipeline {
         let kernel = Kernel::new(shader, words, entry_point, layouts, constants);
         self.known(&kernel).unwrap_or_else(|| self.compile(library, &kernel))
-    }
-
-    /// An entry point of a root for such words, specialised by `constants`.
-    pub(crate) fn kernel(
-        &self,
-        shader: &str,
-        words: Words,
-        entry_point: &str,
-        layouts: &[&wgpu::BindGroupLayout],
-        constants: &[(&str, f64)],
-    ) -> Kernel {
-        Kernel::new(shader, words, entry_point, layouts, constants)
     }
 
     /// The pipelines of entry points, in their order. New ones are compiled side by side.
@@ -219,8 +208,8 @@ impl Gpu {
 
     /// Compiles a pipeline. Threads that need the same one wait for it; others compile theirs meanwhile.
     fn compile(&self, library: Library, kernel: &Kernel) -> wgpu::ComputePipeline {
-        let place = locked(&self.compiled.pipelines).entry(kernel.clone()).or_default().clone();
-        place.get_or_init(|| self.new_pipeline(library, kernel)).clone()
+        let entry = locked(&self.compiled.pipelines).entry(kernel.clone()).or_default().clone();
+        entry.get_or_init(|| self.new_pipeline(library, kernel)).clone()
     }
 
     fn new_pipeline(&self, library: Library, kernel: &Kernel) -> wgpu::ComputePipeline {

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 #[derive(Debug, Clone, Copy)]
 pub struct Library {
     /// Every file with its path. Files may import those of the [`RENDERER`]. A path is that of one library: devices keep
-    /// modules by it.
+    /// pipelines by it.
     pub files: &'static [(&'static str, &'static str)],
     /// The files that are compiled as shaders; they import the others.
     pub roots: &'static [&'static str],

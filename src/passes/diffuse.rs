@@ -23,7 +23,7 @@ use super::turbid::slab;
 use super::view_passes::ViewPasses;
 use crate::diffuse::Diffuse;
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{self, Bound, Commands, Gpu, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Kernel, Span};
 use crate::scene::{Light, Scene};
 
 /// `Params` of `diffuse/particles.wgsl`.
@@ -349,7 +349,7 @@ impl DiffusePass {
         };
         let kernel = |shader: &str, entry: &str, bound: &Bound, constants: &[_]| {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
-            gpu.kernel(shader, Default::default(), entry, &layouts, constants)
+            Kernel::new(shader, Default::default(), entry, &layouts, constants)
         };
         let [placing, covering, adding, filling] = &chunks[0].2;
         let (plain, looking) =

@@ -405,13 +405,12 @@ impl Pixels<'_> {
         entry: &str,
         [own, list]: [&wgpu::BindGroupLayout; 2],
     ) -> Kernel {
-        let Self { gpu, eye, .. } = self;
-        let (camera, scene) = (&eye.camera, &eye.scene);
+        let (camera, scene) = (&self.eye.camera, &self.eye.scene);
         let mips = gpu::shader::Words { mips: variant.mips(), ..Default::default() };
         let constants =
             [&variant.constants()[..], &scene.variant.constants(), &camera.constants()].concat();
         let layouts = [&camera.layout, own, &scene.layout, list];
-        gpu.kernel(variant.shader(), mips, entry, &layouts, &constants)
+        Kernel::new(variant.shader(), mips, entry, &layouts, &constants)
     }
 }
 
@@ -443,7 +442,7 @@ fn find_kernel(gpu: &Gpu, eye: &ViewPasses, found: &wgpu::BindGroupLayout, list:
     let none = gpu.layout("none", wgpu::ShaderStages::COMPUTE, &[]);
     let layouts = [&eye.camera.layout, found, &none, &list.layout];
     let words = gpu::shader::Words::default();
-    gpu.kernel("refract/structure.wgsl", words, "find", &layouts, &constants)
+    Kernel::new("refract/structure.wgsl", words, "find", &layouts, &constants)
 }
 
 /// Work of a ray through the solids: a mesh's tree is as much as many other solids.

@@ -145,10 +145,12 @@ pub struct SceneVariant {
     pub solids: u32,
     /// Number of meshes among them.
     pub meshes: u32,
-    /// Whether any is a plane, a box or a sphere.
-    pub planes: bool,
-    pub boxes: bool,
-    pub balls: bool,
+    /// Whether any is a plane.
+    pub has_planes: bool,
+    /// Whether any is a box.
+    pub has_boxes: bool,
+    /// Whether any is a sphere.
+    pub has_spheres: bool,
     /// Whether any but a mesh has a texture.
     pub textures: bool,
     /// Whether any is lit.
@@ -190,9 +192,9 @@ impl SceneVariant {
         Self {
             solids,
             meshes: scene.solids.iter().filter(is_mesh).count() as u32,
-            planes: any(PLANE),
-            boxes: any(BOX),
-            balls: any(SPHERE),
+            has_planes: any(PLANE),
+            has_boxes: any(BOX),
+            has_spheres: any(SPHERE),
             textures: scene.solids.iter().any(is_textured),
             lit,
             lights,
@@ -214,9 +216,9 @@ impl SceneVariant {
         [
             ("SOLIDS", self.solids),
             ("MESHES", self.meshes),
-            ("HAS_PLANES", self.planes.into()),
-            ("HAS_BOXES", self.boxes.into()),
-            ("HAS_SPHERES", self.balls.into()),
+            ("HAS_PLANES", self.has_planes.into()),
+            ("HAS_BOXES", self.has_boxes.into()),
+            ("HAS_SPHERES", self.has_spheres.into()),
             ("TEXTURES", self.textures.into()),
             ("ANY_LIT", self.lit.into()),
             ("LIGHTS", self.lights),

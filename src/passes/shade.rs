@@ -11,7 +11,7 @@ use wgpu::TextureViewDimension::D2;
 use super::Layers;
 use super::tiles::TileLists;
 use super::view_passes::ViewPasses;
-use crate::gpu::{self, Bound, Commands, Gpu, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Kernel, Span};
 use crate::scene::Scene;
 
 /// Format of the light around each pixel: three packed colours, and a reflectance.
@@ -159,7 +159,7 @@ impl Shade {
         let constants = [&own[..], &scene_variant.constants(), &eye.camera.constants()].concat();
         let kernel = |shader: &str, entry: &str, bound: &Bound| {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
-            gpu.kernel(shader, Default::default(), entry, &layouts, &constants)
+            Kernel::new(shader, Default::default(), entry, &layouts, &constants)
         };
         let [found, averaged, drawn] = &sections[0];
         let [around, means, body] = gpu.pipelines([

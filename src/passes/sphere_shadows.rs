@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::spheres::{SphereChunk, Spheres};
-use crate::gpu::{self, Bound, Commands, Gpu, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Kernel, Span};
 use crate::scene::{Light, MAX_LIGHTS};
 
 /// `LightGrid` of `common/light_grid.wgsl`.
@@ -190,7 +190,7 @@ impl Shadows {
         let chunks: Vec<_> = spheres.chunks.iter().map(of_chunk).collect();
         let layout = &chunks[0].1.layout;
         let kernel = |entry: &str| {
-            gpu.kernel("sphere_shadows.wgsl", Default::default(), entry, &[layout], &[])
+            Kernel::new("sphere_shadows.wgsl", Default::default(), entry, &[layout], &[])
         };
         let [shade, sum] = gpu.pipelines([kernel("shade_columns"), kernel("sum_columns")]);
         Self { depths, grids, shade, sum, chunks }

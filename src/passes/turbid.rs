@@ -16,7 +16,7 @@ use super::mixture::{self, Shares};
 use super::scene_binding::SceneVariant;
 use super::tiles::TileLists;
 use super::view_passes::ViewPasses;
-use crate::gpu::{self, Bound, Commands, Gpu, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Kernel, Span};
 use crate::scene::Scene;
 
 /// Format of the light: packed colours.
@@ -175,7 +175,7 @@ impl Turbid {
         let shared = [&[splash][..], &eye.camera.constants(), &scene_variant.constants()].concat();
         let kernel = |shader: &str, entry: &str, bound: &Bound, own: &[(&'static str, f64)]| {
             let layouts = [&eye.camera.layout, &bound.layout, &eye.scene.layout];
-            gpu.kernel(shader, Default::default(), entry, &layouts, &[own, &shared].concat())
+            Kernel::new(shader, Default::default(), entry, &layouts, &[own, &shared].concat())
         };
         let [found, averaged, _] = &sections[0];
         let [around, average, spread] = gpu.pipelines([

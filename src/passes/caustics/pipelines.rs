@@ -142,7 +142,7 @@ impl Pipelines {
         key: Key,
     ) -> Self {
         let pipeline = |file: &str, entry: &str, layout, constants: &[(&'static str, f64)]| {
-            let intersector = Words::of(key.variant.shader());
+            let words = Words::of(key.variant.shader());
             let all = [
                 &key.variant.constants()[..],
                 &key.scene.constants(),
@@ -150,7 +150,7 @@ impl Pipelines {
                 constants,
             ];
             let groups = [&camera.layout, &layouts.inputs, &bound.layout, layout];
-            gpu.pipeline_of(RENDERER, file, intersector, entry, &groups, &all.concat())
+            gpu.pipeline_of(RENDERER, file, words, entry, &groups, &all.concat())
         };
         let method = [("METHOD", f64::from(key.method as u32))];
         let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);

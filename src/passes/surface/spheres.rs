@@ -5,7 +5,7 @@ use wgpu::BindingResource::TextureView;
 use wgpu::TextureViewDimension::D2;
 
 use super::Before;
-use crate::gpu::{self, Bound, Commands, Gpu, Span};
+use crate::gpu::{self, Bound, Commands, Gpu, Kernel, Span};
 use crate::passes::diffuse::{self, DiffuseImages};
 use crate::passes::view_passes::ViewPasses;
 
@@ -66,7 +66,7 @@ impl SphereMotion {
         ];
         let constants = [&switches[..], &eye.camera.constants()].concat();
         let pipeline = |entry: &str| {
-            gpu.kernel("surface/spheres.wgsl", Default::default(), entry, &layouts, &constants)
+            Kernel::new("surface/spheres.wgsl", Default::default(), entry, &layouts, &constants)
         };
         let pipelines = gpu.pipelines([pipeline("add_small"), pipeline("add_large")]);
         Self { pipelines, chunks, sums }

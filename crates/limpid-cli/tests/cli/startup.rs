@@ -52,8 +52,9 @@ fn draw(offscreen: &mut Offscreen, scene: &Scene, droplet: bool) {
     offscreen.draw(FrameInput::new(scene, &camera, &splats, size)).expect("the frame is drawn");
 }
 
-/// Only pipelines that a frame has needed are compiled, and none is compiled or parsed twice: not for
-/// the next frame, nor for the layers of splashes, nor for another renderer.
+/// Only pipelines that a frame has needed are compiled, and none is compiled twice: not for the next frame, nor for the
+/// layers of splashes, nor for another renderer. A module is parsed for several pipelines, if their constants rule out the
+/// same branches.
 #[test]
 fn pipelines_are_compiled_once_when_needed() {
     if gpu().is_none() {

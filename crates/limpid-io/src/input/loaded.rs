@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::View;
-use limpid::diffuse::Diffuse;
+use limpid::diffuse::{Diffuse, DiffuseKind};
 use limpid::frame::FrameInput;
 use limpid::liquid::Up;
 use limpid::liquid::bulk::Bulk;
@@ -77,9 +77,9 @@ pub struct Loaded {
     pub splats: Splats,
     /// Foam, spray, bubbles and dust, if there are any.
     pub diffuse: Option<Arc<Diffuse>>,
-    /// The number of these of each kind: [`Diffuse::counts`].
-    pub diffuse_counts: [usize; 4],
-    /// Number of splashes among them.
+    /// Number of diffuse particles of each kind: [`Diffuse::counts`].
+    pub diffuse_counts: [usize; DiffuseKind::ALL.len()],
+    /// Number of splashes among the particles.
     pub splashes: usize,
     /// Origin of the radius; with several fluids, the least reliable.
     pub radius_from: RadiusFrom,

@@ -203,10 +203,10 @@ impl Bench {
         constants.extend(self.camera.constants());
         constants.push(("TO_SOLIDS", f64::from(u8::from(target == Target::Solids))));
         let pipeline = pipelines.entry(format!("{root} {constants:?}")).or_insert_with(|| {
-            let intersector = gpu::shader::Words { mips: true, ..gpu::shader::Words::of(root) };
+            let words = gpu::shader::Words { mips: true, ..gpu::shader::Words::of(root) };
             let layouts = [&self.camera.layout, &self.inputs, &self.scene.layout, &self.outputs];
             let file = "report/intersect.wgsl";
-            gpu.pipeline_of(SHADERS, file, intersector, "intersect_pixels", &layouts, &constants)
+            gpu.pipeline_of(SHADERS, file, words, "intersect_pixels", &layouts, &constants)
         });
         let params = Params::new(&scene, &settings, 0.0);
         let params = gpu.buffer_with("refract", gpu::UNIFORM, &[params]);

@@ -91,8 +91,8 @@ fn alone() -> Scene {
     scene
 }
 
-/// A sphere covers the area of its outline, wherever it is among the pixels, within 2 %, and around its centre: within half a
-/// pixel where it is less wide than two, else a tenth.
+/// A sphere covers the area of its outline, wherever it is among the pixels, within 2 %. The area's centre is the sphere's, within
+/// a tenth of a pixel; within half a pixel for spheres that are less than two wide.
 #[test]
 fn a_sphere_covers_its_area() {
     let Some(gpu) = gpu() else { return };
