@@ -267,6 +267,25 @@ fn a_scene_names_files_and_says_what_is_shown() {
     }
 }
 
+/// A scene reads whitewater with the axes and the unit of its first fluid; a table of others would place it elsewhere.
+#[test]
+fn tables_have_the_axes_of_the_first_fluid() {
+    let folder = folder_with(&["water_0.csv", "oil_0.csv"], &["oil_foam_0.csv"]);
+    let tables = |oil: &str| {
+        let water = "[[fluid]]\nsource = \"water_0.csv\"\nradius = 0.5\nup = \"y\"\n";
+        let oil = format!("[[fluid]]\nsource = \"oil_0.csv\"\nradius = 0.5\n{oil}\n");
+        let path = folder.path().join("a.toml");
+        fs::write(&path, [water, &oil].concat()).unwrap();
+        open(&path).diffuse_sources(&[0])
+    };
+    let [table] = &tables("up = \"y\"").unwrap()[..] else { panic!("one table") };
+    assert!(table.source.ends_with("oil_foam_{}.csv"), "{table:?}");
+    for oil in ["up = \"z\"", "up = \"y\"\nscale = 0.1"] {
+        let error = tables(oil).unwrap_err().to_string();
+        assert!(error.contains("oil_foam_{}.csv") && error.contains("first fluid"), "{error}");
+    }
+}
+
 /// Between frames particles fly on, and those that disappear meanwhile are gone.
 #[test]
 fn particles_move_between_frames() {
